@@ -237,11 +237,24 @@ class Scheduler:
 
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
+        there = self.downloading(array)()
+        self._ahead = 0.0   # nothing has been launched since
+        return there
+
+    def downloading(self, array: cla.Array) -> Callable[[], np.ndarray]:
+        """Begin to copy a device array to the host -> a function that waits for the copy and gives it: what is launched
+        in between is done meanwhile."""
         self.ask()
         with self._watched("gives no data"):
-            there = array.get()
-        array.events.clear()   # of what is done; each would keep alive what was read, twelve times over
-        return there
+            there, event = array.get_async()
+        array.events.clear()   # each would keep alive what was read, twelve times over
+
+        def wait():
+            self.ask()
+            with self._watched("gives no data"):
+                event.wait()
+            return there
+        return wait
 
     def launch(self, name: str, size: int, /, **arguments: Any) -> None:
         """Run kernel "stem.kernel" over ``size`` work-items.

@@ -1,8 +1,8 @@
 """The two ways to draw strands: opaque, in samples, or as much of each pixel as they cover.
 
-A pass takes some rows of the picture through four steps: `rasterize` tells how many rows fit and what each of their
-samples sees; `resolve` what of that is in front, with shell fur taken into account; `shade` lights it; `hashed` gives
-its bits.  Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the
+A pass takes some rows of the picture through five steps: `count` begins to tell how many rows fit, while lights are
+made ready; `rasterize` tells it, and what each of their samples sees; `resolve` what of that is in front, with shell
+fur taken into account; `shade` lights it; `hashed` gives its bits.  Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the
 next.
 """
 
@@ -58,6 +58,9 @@ class Samples:
 
     def __init__(self, plan: Plan, team: Team) -> None:
         self.plan, self.team = plan, team
+
+    def count(self, gpu: Any, top: int, end: int) -> None:
+        """Nothing is to be counted."""
 
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit each device, ``top`` to ``end`` at most; the devices share the strands."""
@@ -134,11 +137,47 @@ class Coverage:
     digests = 2
 
     def __init__(self, plan: Plan, team: Team) -> None:
-        self.plan, self._counted = plan, None
+        self.plan = plan
+        self._counted: Any = None    # `Counted` rows,
+        self._counting: Any = None   # or a function that waits for them
+
+    def count(self, gpu: Any, top: int, end: int) -> None:
+        """Begin to count what shows in rows, row ``top`` among them, unless that is known: in all that are wanted, or as
+        many as fit."""
+        plan, counted = self.plan, self._counted
+        if counted is not None and counted.gpu is gpu and counted.first <= top < counted.end:
+            return
+        self._counted = self._counting = None   # goes before more is made
+        end = min(top + plan.rows(gpu), end)
+        view = band_of(plan.view, top, end)
+        parts = plan.parts(gpu)
+        alone = len(parts) == 1 and parts[0].hairy
+        # Before the body is drawn: what is uploaded waits for what has been launched.
+        hair = build.hair(gpu, plan, parts[0], plan.settings.lod) if alone else None
+        visible = build.rasterize_body(gpu, plan, view)
+        tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
+        for part in reversed(parts):
+            if part.hairy:
+                coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles)
+                if len(parts) > 1:
+                    build.tally(gpu, plan, part)
+        self._counting = functools.partial(
+            self._count, gpu, parts, gpu.downloading(tiles.counts), gpu.downloading(tiles.survivors),
+            first=top, end=end, tiles=tiles, made_for=hair and weakref.ref(hair), visible=visible)
+
+    def _count(self, gpu, parts, counts, survivors, **known):
+        """`Counted` rows, when they are; ``parts``: in which they were."""
+        counts = counts().reshape(-1, coverage.tiles_of(self.plan.size[0], 0)[0])
+        survivors = int(survivors()[0])
+        cut = self.plan.cut_counted(gpu, counts, survivors)
+        build.let_go_of_parts(gpu, self.plan, parts, cut.parts)
+        return Counted(gpu, counts=counts, survivors=survivors, cut=cut, **known)
 
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit the device, by what was counted in each row of tiles."""
-        counted = self._count(gpu, top, end)
+        if self._counting:
+            self._counted, self._counting = self._counting(), None
+        counted = self._counted
         fit = self.plan.rows_counted(gpu, counted.cut, counted.counts, counted.survivors, top - counted.first)
         until = min(top + fit, end)
         view = band_of(self.plan.view, top, until)
@@ -191,12 +230,13 @@ class Coverage:
                 known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                       no_surface(gpu), known)
         on_ground = plan.ground is not None
-        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and (bodies or on_ground) else None
+        several = plan.wants_color and (len(bodies) > 1 or plan.seen_through)
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if several else None
         for part in bodies:
             body, none = build.body(gpu, plan, part), no_strands(gpu)
             if plan.wants_color and not plan.held:
-                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, None, front.body_transmittance,
-                       sums)
+                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, None if several else image,
+                       front.body_transmittance, sums, None if several else front.outputs["coverage"])
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
             del body   # goes before the next one is made
@@ -218,33 +258,6 @@ class Coverage:
         if self.plan.scene.shells:
             return [build.bytes_of(gpu, band.visible), band.counted.of(band.rows)]
         return [build.bytes_of(gpu, front.keys), build.bytes_of(gpu, front.outputs["coverage"])]
-
-    def _count(self, gpu, top, end):
-        """`Counted` rows with row ``top`` among them: all that are wanted, or as many as fit."""
-        plan, counted = self.plan, self._counted
-        if counted is None or counted.gpu is not gpu or not counted.first <= top < counted.end:
-            self._counted = None   # goes before more is made
-            end = min(top + plan.rows(gpu), end)
-            view = band_of(plan.view, top, end)
-            parts = plan.parts(gpu)
-            alone = len(parts) == 1 and parts[0].hairy
-            # Before the body is drawn: what is uploaded waits for what has been launched.
-            hair = build.hair(gpu, plan, parts[0], plan.settings.lod) if alone else None
-            visible = build.rasterize_body(gpu, plan, view)
-            tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
-            for part in reversed(parts):
-                if part.hairy:
-                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles)
-                    if len(parts) > 1:
-                        build.tally(gpu, plan, part)
-            across, down = coverage.tiles_of(visible.shape[1], end - top)
-            counts = gpu.download(tiles.counts).reshape(down, across)
-            survivors = int(gpu.download(tiles.survivors)[0])
-            cut = plan.cut_counted(gpu, counts, survivors)
-            self._counted = Counted(gpu, top, end, tiles, counts, survivors, cut, hair and weakref.ref(hair), visible)
-            del hair   # it may have to go for others
-            build.let_go_of_parts(gpu, plan, parts, cut.parts)
-        return self._counted
 
     def _cover(self, gpu, band, tiles, window, lighting, covered, image, shell_front, told=None):
         """Draw what shows in a window: some tiles, (first, one past the last)."""
@@ -389,7 +402,7 @@ def _shares(gpu, visible, transmittance):
     return *(np.where(each, through, 0).mean(2, dtype=np.float64) for each in (on_body, on_ground)), through
 
 
-def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):
+def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums, alpha=None):
     body_color = plan.scene.body_color
     if body_color is None or isinstance(body_color, tuple):   # none is drawn, or materials tell, where its light counts
         body_color = (0, 0, 0)
@@ -397,7 +410,7 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
                        scattering, build.light_around(gpu, plan, lighting),
-                       *build.paint(gpu, plan, part if len(body.triangles) else None))
+                       *build.paint(gpu, plan, part if len(body.triangles) else None), alpha)
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):

@@ -88,12 +88,13 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
     plan, strands, lighting = picture.plan, picture.strands, None
-    band = strands.rasterize(gpu, top, end)
+    strands.count(gpu, top, end)
     if plan.wants_color:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
         build.sky(gpu, plan)   # before anything holds a part of the scene, as it takes all of them
         build.deep(gpu, plan, lighting)
+    band = strands.rasterize(gpu, top, end)
     image = shell_transmittance = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
