@@ -33,10 +33,10 @@ inline int side_level(int4 levels, int k, int i)
 
 __kernel void vertices(
     const ulong begin, const ulong end,    // work-items, see common.h
-    __global const float4 *positions,      // [V]
-    __global const float4 *normals,        // [V] unit
-    __global const float4 *corner_uv,      // [F, 3] u, v, weights of the first two corners: 1, 0; 0, 1; 0, 0
-    __global const uint4 *faces,           // [F] three vertices, -
+    __global const float *positions,       // [V, 3]
+    __global const float *normals,         // [V, 3] unit
+    __global const float *corner_uv,       // [F, 3, 2]
+    __global const uint *faces,            // [F, 3] vertices
     __global const int4 *levels,           // [F] outer[0..2], inner: 1..64, inner already rounded up to 2
     __global const uint *first_vertex,     // [F + 1] of each face's part of the result
     const int curved,
@@ -45,12 +45,12 @@ __kernel void vertices(
     __global float4 *out_uv)
 {
     WORK_ITEM(f);
-    const uint index[3] = {faces[f].x, faces[f].y, faces[f].z};
-    float4 p[3], n[3], uv[3];
+    const uint index[3] = {faces[3 * f], faces[3 * f + 1], faces[3 * f + 2]};
+    float4 p[3], n[3], uv[3];              // u, v, weights of the first two corners
     for (int i = 0; i < 3; ++i) {
-        p[i] = positions[index[i]];
-        n[i] = normals[index[i]];
-        uv[i] = corner_uv[3 * f + i];
+        p[i] = (float4)(vload3(index[i], positions), 0.0f);
+        n[i] = (float4)(vload3(index[i], normals), 0.0f);
+        uv[i] = (float4)(vload2(3 * f + i, corner_uv), i == 0, i == 1);
     }
     const Patch patch = make_patch(p, n);
     const int4 level = levels[f];

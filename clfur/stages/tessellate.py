@@ -25,10 +25,10 @@ class Surface(Arrays):
 class Source(Arrays):
     """What a mesh is divided by, on the device."""
 
-    positions: Any = array("mesh_vertex", np.float32, 4)
-    normals: Any = array("mesh_vertex", np.float32, 4)
-    corner_uv: Any = array("corner", np.float32, 4)    # of the faces, three each: as `Surface.uv`
-    faces: Any = array("face", np.uint32, 4)           # three vertices, -
+    positions: Any = array("mesh_vertex", np.float32, 3)
+    normals: Any = array("mesh_vertex", np.float32, 3)
+    corner_uv: Any = array("corner", np.float32, 2)    # of the faces, three each
+    faces: Any = array("face", np.uint32, 3)           # three vertices
     levels: Any = array("face", np.int32, 4)           # see `levels_of`
     first_vertex: Any = array("end", np.uint32)        # that each face gives, and the end of all
     first_triangle: Any = array("end", np.uint32)
@@ -65,19 +65,20 @@ def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np
     ``mesh`` has positions and normals [V, 3] float32, uv [F, 3, 2] float32, faces [F, 3] uint32.  ``inner``,
     ``outer``: as in `levels_of`.  ``faces``: which of them, (first, one past the last), if not all.
     """
-    levels = levels_of(inner, outer, len(mesh.faces))
-    begin, end = faces or (0, len(levels))
-    vertices, triangles = counts_of(levels)
-    before, levels = int(triangles[:begin].sum()), levels[begin:end]
+    n = len(mesh.faces)
+    begin, end = faces or (0, n)
+    levels = levels_of(inner, outer, n if np.ndim(inner) or np.ndim(outer) else 1)   # all faces may be alike
+    vertices, triangles = (np.broadcast_to(each, n) for each in counts_of(levels))
+    before, levels = int(triangles[:begin].sum()), np.broadcast_to(levels, (n, 4))[begin:end]
     first_vertex = np.concatenate([[0], np.cumsum(vertices[begin:end])])
     first_triangle = np.concatenate([[0], np.cumsum(triangles[begin:end])])
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
     source = Source(
-        positions=gpu.upload(as_float4(mesh.positions)),
-        normals=gpu.upload(as_float4(mesh.normals)),
-        corner_uv=gpu.upload(_with_weights(mesh.uv[begin:end])),
-        faces=gpu.upload(as_float4(mesh.faces[begin:end])),
+        positions=gpu.upload(mesh.positions),
+        normals=gpu.upload(mesh.normals),
+        corner_uv=gpu.upload(mesh.uv[begin:end].reshape(-1, 2)),
+        faces=gpu.upload(mesh.faces[begin:end]),
         levels=gpu.upload(levels),
         first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
         first_triangle=gpu.upload(first_triangle.astype(np.uint32)),
@@ -95,13 +96,6 @@ def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np
     gpu.launch("tessellate.triangles", end - begin, levels=source.levels, first_vertex=source.first_vertex,
                first_triangle=source.first_triangle, out_triangles=result.triangles)
     return result
-
-
-def _with_weights(uv):
-    """uv of the corners of faces [F, 3, 2] -> [3 F, 4]: u, v, and the weights of the first two corners there."""
-    wide = np.zeros((len(uv), 3, 4), np.float32)
-    wide[:, :, :2], wide[:, 0, 2], wide[:, 1, 3] = uv, 1, 1
-    return wide.reshape(-1, 4)
 
 
 def no_surface(gpu: Any) -> Surface:
