@@ -181,37 +181,41 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     seen.
 
     ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
-    light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
-    the result, with alpha.  ``shell_front``: [rows, width, samples] uint64, what `march.march` gave, if there are
-    shells.  ``kernels``: the file whose kernels draw: see `masks`.  ``seen``: what waits for light: see `cover_seen`.
+    light, or a function that gives them, called when all else is ready.  ``image``: then [rows, width, 4] float32: the
+    light of shells behind all strands, if there are shells, and the result, with alpha.  ``shell_front``: [rows,
+    width, samples] uint64, what `march.march` gave, if there are shells.  ``kernels``: the file whose kernels draw: see
+    `masks`.  ``seen``: what waits for light: see `cover_seen`.
     """
     rows, width, _ = visible.shape
     has_shells, seen = shell_front is not None, seen or Seen.empty(gpu, dict.fromkeys(SEEN, 0))
     lights = lit is not None or seen.when == LIGHT_LATER
     none, unfinished = gpu.empty(0, np.uint64), gpu.full(1, np.uint32, 0)
     sorted_ = gpu.empty(segments.entries.shape, np.uint32)
+    across, down = tiles_of(width, rows)
+    wide = max(gpu.lanes, gpu.hinted) > 1
     known = {"view": view, "window": window, "slab": slab, "unfinished": unfinished,
              "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts,
              "sorted": sorted_, "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
-             "has_shells": has_shells,
-             "sample_shells": shell_front if has_shells else none, "lit": lights,
-             "places": none if lit is None else lit.places,
-             "sources": 0 if lit is None else lit.sources,
-             "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
-             "shadowed": lit is not None and lit.shadowed,
-             **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
-             **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
-             **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
-             "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
-             "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes,
-             "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered)}
-    across, down = tiles_of(width, rows)
-    if max(gpu.lanes, gpu.hinted) > 1:
+             "has_shells": has_shells, "sample_shells": shell_front if has_shells else none, "lit": lights,
+             "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered),
+             **(_overflows(gpu, segments.longest, across * down, kernels) if wide else
+                {"grains": GRAINS.empty(gpu, across * down)})}
+    dark = unshadowed(gpu) if lit is None else None
+    plain, near = no_scattering(gpu).arrays(), no_deep(gpu).arrays()
+    if callable(lit):
+        lit = lit()
+    known |= {"places": none if lit is None else lit.places, "sources": 0 if lit is None else lit.sources,
+              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
+              "shadowed": lit is not None and lit.shadowed,
+              **(dark if lit is None else lit.lighting).arrays(),
+              **(plain if lit is None or lit.scattering is None else lit.scattering.arrays()),
+              **(near if lit is None or lit.deep is None else lit.deep.arrays()),
+              "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
+              "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes}
+    if wide:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   room=len(seen.nexts), **vars(seen), **known,
-                   **_overflows(gpu, segments.longest, across * down, kernels))
+                   room=len(seen.nexts), **vars(seen), **known)
         return unfinished
-    known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
     _pixels(gpu, across * down, kernels, room=len(seen.nexts), taken=seen.taken, bundles=seen.bundles, **known)
