@@ -30,7 +30,7 @@ GROUP = 64          # work-items in a work-group, where a kernel doesn't state h
 FIRST = 256         # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
-SMALL = 1 << 18     # bytes of an upload that is not waited for, but copied first
+SMALL = 1 << 18     # bytes of an upload that is copied first, so as not to be waited for
 ABREAST = 16        # work-items that share the steps of loops, at most
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
@@ -142,7 +142,7 @@ class Scheduler:
     def empty(self, shape: Any, dtype: Any) -> cla.Array:
         """Uninitialised device array, taken from the pool."""
         check_process()
-        shape = (shape,) if np.isscalar(shape) else tuple(shape)
+        shape = tuple(shape) if isinstance(shape, (tuple, list)) else (shape,)
         if not shape[0] and (there := self._nothing.get((shape, dtype))) is not None:
             return there
         nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
@@ -162,7 +162,7 @@ class Scheduler:
         self.peak = max(self.peak, self._pool.active_bytes)
         if shape[0]:
             return whole
-        return self._nothing.setdefault((shape, dtype), whole[:0]) if whole.nbytes <= 64 else whole[:0]
+        return self._nothing.setdefault((shape, dtype), whole[:0]) if whole.nbytes <= 512 else whole[:0]
 
     def full(self, shape: Any, dtype: Any, value: Any) -> cla.Array:
         """Device array filled with one value."""
@@ -185,14 +185,20 @@ class Scheduler:
 
     def upload(self, array: np.ndarray) -> cla.Array:
         """Copy of a host array on the device."""
-        array = np.ascontiguousarray(array)
+        given, array = array, np.ascontiguousarray(array)
         there = self.empty(array.shape, array.dtype)
-        if array.size:
-            with self._watched("takes no data"):
-                if array.nbytes > SMALL:
-                    there.set(array)
-                else:   # a copy that nobody writes into: to wait would be to wait for all that is to be done before
-                    self._uploads.append(cl.enqueue_copy(self.queue, _buffer(there), array.copy(), is_blocking=False))
+        if not array.size:
+            return there
+        # What nobody writes into is not waited for: to wait would be to wait for all that is to be done before.
+        stays = not array.flags.writeable or (array is not given and array.base is None)
+        with self._watched("takes no data"):
+            if not stays and array.nbytes > SMALL:
+                there.set(array)
+                return there
+            while self._uploads and self._uploads[0].command_execution_status == cl.command_execution_status.COMPLETE:
+                self._uploads.popleft()
+            self._uploads.append(cl.enqueue_copy(self.queue, _buffer(there), array if stays else array.copy(),
+                                                 is_blocking=False))
         return there
 
     def rows(self, array: Any, first: int, end: int) -> cla.Array:
@@ -239,6 +245,7 @@ class Scheduler:
         """Copy of a device array on the host."""
         there = self.downloading(array)()
         self._ahead = 0.0   # nothing has been launched since
+        self._uploads.clear()
         return there
 
     def downloading(self, array: cla.Array) -> Callable[[], np.ndarray]:

@@ -25,7 +25,7 @@ from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.maps import traits
-from ..stages.raster import raster
+from ..stages.raster import nothing, raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, roots_of, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
@@ -102,7 +102,9 @@ def tally(gpu: Any, plan: Plan, part: Part) -> tuple[int, int]:
     scene, lod = plan.scene, plan.settings.lod
     known = gpu.keep("tallies", (scene.mesh, scene.strands, str(lod), scene.camera if lod else None), dict)
     if part not in known:
-        points = gpu.download(hair(gpu, plan, part, lod).spans)[:, 1].astype(np.int64)
+        fur: Any = scene.strands
+        points = (gpu.download(hair(gpu, plan, part, lod).spans)[:, 1] if plan.grown or lod else
+                  fur.counts[slice(*part.strands)] if part.hairy else np.zeros(0)).astype(np.int64)
         known[part] = int((points > 0).sum()), int(np.maximum(points - 1, 0).sum())
     return known[part]
 
@@ -219,9 +221,9 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
 
 def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
     """Depth and id of body or ground where they are nearest in each sample -> [rows, width, samples] uint64."""
-    visible = None
+    visible = nothing(gpu, view)   # while the body is made ready
     for part in plan.parts(gpu):
-        if part.body or visible is None:
+        if part.body:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
     return visible if plan.ground is None else ground.put(gpu, view, plan.ground, visible)
 

@@ -152,9 +152,8 @@ class Coverage:
         view = band_of(plan.view, top, end)
         parts = plan.parts(gpu)
         alone = len(parts) == 1 and parts[0].hairy
-        # Before the body is drawn: what is uploaded waits for what has been launched.
+        visible = build.rasterize_body(gpu, plan, view)   # while strands are made ready
         hair = build.hair(gpu, plan, parts[0], plan.settings.lod) if alone else None
-        visible = build.rasterize_body(gpu, plan, view)
         tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
         for part in reversed(parts):
             if part.hairy:

@@ -128,6 +128,7 @@ class Plan:
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
+        self._divided: dict[tuple, list] = {}   # what `_parts` gave
         if self.settings.shadows == "deep":
             self._check_deep()
         if self.points >= 2**31 or self.triangles >= 2**31:
@@ -362,7 +363,10 @@ class Plan:
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or sizes.of_largest_row(self) > sizes.largest(gpu):
             raise Error(self._too_much(gpu, pieces))
-        return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
+        known = gpu, room["body"], room["strands"], first, end, body and self.body
+        if known not in self._divided:
+            self._divided[known] = self._parts(gpu, room, *known[3:])
+        return Cut(self._divided[known], room["rows"])
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.size
@@ -420,13 +424,13 @@ class Plan:
         piece = sizes.largest(gpu)
         face_runs = [run for run in dividing.runs(
             (self._bytes_of_faces, room["body"]),
-            (16 * self._vertices, piece), (16 * self._triangles, piece)) if run[1] > run[0]]
+            (self._vertices, piece // 16), (self._triangles, piece // 16)) if run[1] > run[0]]
         if self.grown:
             return self._parts_that_grow(gpu, face_runs, room["strands"], first, end, body)
         strand, point = sizes.of_strand_and_point(self, gpu)
         before = self._before[first:end + 1]
         hair = [Part(strands=(first + a, first + b)) for a, b in dividing.runs(
-            (strand * np.arange(len(before)) + point * before, room["strands"]), (16 * before, piece))]
+            (strand * np.arange(len(before)) + point * before, room["strands"]), (before, piece // 16))]
         bodies = [Part(faces=run, body=True) for run in face_runs] if body else []
         if len(hair) == len(bodies) == 1:
             return [Part(faces=bodies[0].faces, strands=hair[0].strands, body=True)]

@@ -24,15 +24,18 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     pixel.  Equal depths go to the smaller id.  ``visible``: such an array to draw into, with what is there already.
     ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
-    width, _, samples, _ = (int(n) for n in view["size"])
-    rows = int(view["rows"][1] - view["rows"][0])
-    visible = VISIBLE.empty(gpu, (rows, width, samples)) if visible is None else visible
+    visible = nothing(gpu, view) if visible is None else visible
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             _body(gpu, view, body, after, phase, visible)
         if strands is not None and len(strands.points):
             _lines(gpu, view, strands, phase, visible)
     return visible
+
+
+def nothing(gpu: Any, view: np.void) -> Any:
+    """What `raster` gives of a view in which nothing is."""
+    return VISIBLE.empty(gpu, (int(view["rows"][1] - view["rows"][0]), int(view["size"][0]), int(view["size"][2])))
 
 
 def _body(gpu, view, body, after, phase, visible):
