@@ -1,9 +1,9 @@
 """The two ways to draw strands: opaque, in samples, or as much of each pixel as they cover.
 
-A pass takes some rows of the picture through five steps: `count` begins to tell how many rows fit, while lights are
+A pass takes some rows of the picture through five steps: `count` begins to find out how many rows fit, while lights are
 made ready; `rasterize` tells it, and what each of their samples sees; `resolve` what of that is in front, with shell
-fur taken into account; `shade` lights it; `hashed` gives its bits.  Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the
-next.
+fur taken into account; `shade` lights it; `hashed` gives its bits.  Parts of the scene are gone through forwards and
+backwards in turn: the last one of a step is there for the next.
 """
 
 import functools
@@ -142,8 +142,8 @@ class Coverage:
         self._counting: Any = None   # or a function that waits for them
 
     def count(self, gpu: Any, top: int, end: int) -> None:
-        """Begin to count what shows in rows, row ``top`` among them, unless that is known: in all that are wanted, or as
-        many as fit."""
+        """Begin to count what shows in rows with row ``top`` among them, unless that is known: in all that are wanted, or
+        as many as fit."""
         plan, counted = self.plan, self._counted
         if counted is not None and counted.gpu is gpu and counted.first <= top < counted.end:
             return

@@ -10,6 +10,7 @@ from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
 from .deep import no_deep
 from .lighting import unshadowed
+from .strand_light import unlit
 from .strands import DeviceStrands, arrays, go_through
 
 TILE = int(layout.CONSTANTS["TILE"])
@@ -189,29 +190,21 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     rows, width, _ = visible.shape
     has_shells, seen = shell_front is not None, seen or Seen.empty(gpu, dict.fromkeys(SEEN, 0))
     lights = lit is not None or seen.when == LIGHT_LATER
-    none, unfinished = gpu.empty(0, np.uint64), gpu.full(1, np.uint32, 0)
-    sorted_ = gpu.empty(segments.entries.shape, np.uint32)
-    across, down = tiles_of(width, rows)
-    wide = max(gpu.lanes, gpu.hinted) > 1
+    unfinished = gpu.full(1, np.uint32, 0)
+    (across, down), wide = tiles_of(width, rows), max(gpu.lanes, gpu.hinted) > 1
     known = {"view": view, "window": window, "slab": slab, "unfinished": unfinished,
              "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts,
-             "sorted": sorted_, "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
-             "has_shells": has_shells, "sample_shells": shell_front if has_shells else none, "lit": lights,
+             "sorted": gpu.empty(segments.entries.shape, np.uint32), "ends": segments.ends, "ids": segments.ids,
+             "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
+             "sample_shells": shell_front if has_shells else gpu.empty(0, np.uint64), "lit": lights,
              "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered),
              **(_overflows(gpu, segments.longest, across * down, kernels) if wide else
                 {"grains": GRAINS.empty(gpu, across * down)})}
-    dark = unshadowed(gpu) if lit is None else None
-    plain, near = no_scattering(gpu).arrays(), no_deep(gpu).arrays()
-    if callable(lit):
-        lit = lit()
-    known |= {"places": none if lit is None else lit.places, "sources": 0 if lit is None else lit.sources,
-              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
-              "shadowed": lit is not None and lit.shadowed,
-              **(dark if lit is None else lit.lighting).arrays(),
-              **(plain if lit is None or lit.scattering is None else lit.scattering.arrays()),
-              **(near if lit is None or lit.deep is None else lit.deep.arrays()),
-              "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
-              "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes}
+    plain, near = no_scattering(gpu), no_deep(gpu)
+    lit = unlit(gpu, unshadowed(gpu), 0) if lit is None else lit() if callable(lit) else lit
+    known |= {"places": lit.places, "sources": lit.sources, "more": lit.more, "shadowed": lit.shadowed,
+              "axes": lit.axes, "hazes": lit.hazes, **lit.lighting.arrays(), **(lit.scattering or plain).arrays(),
+              **(lit.deep or near).arrays()}
     if wide:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
                    room=len(seen.nexts), **vars(seen), **known)
