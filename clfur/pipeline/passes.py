@@ -142,8 +142,8 @@ class Coverage:
         self._counting: Any = None   # or a function that waits for them
 
     def count(self, gpu: Any, top: int, end: int) -> None:
-        """Begin to count what shows in rows with row ``top`` among them, unless that is known: in all that are wanted, or
-        as many as fit."""
+        """Begin to count what shows in rows, row ``top`` among them, unless that is known: in all that are wanted or as
+        many as fit."""
         plan, counted = self.plan, self._counted
         if counted is not None and counted.gpu is gpu and counted.first <= top < counted.end:
             return
