@@ -313,8 +313,8 @@ class Coverage:
                 last = part is hairy[-1]
                 all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
                 until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-                light = functools.partial(self._light, gpu, band, part, hair, lighting, segments.ids, until, lit, last)
-                lit = light if last else light()
+                lit = functools.partial(self._light, gpu, band, part, hair, lighting, segments.ids, until, lit, last)
+                lit = lit if last else lit()   # the last one when all else is ready
             del hair   # it goes before the next one is made
         return draw(lit=lit, window=window)
 

@@ -128,7 +128,6 @@ class Plan:
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
-        self._divided: dict[tuple, list] = {}   # what `_parts` gave
         if self.settings.shadows == "deep":
             self._check_deep()
         if self.points >= 2**31 or self.triangles >= 2**31:
@@ -363,10 +362,7 @@ class Plan:
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or sizes.of_largest_row(self) > sizes.largest(gpu):
             raise Error(self._too_much(gpu, pieces))
-        known = gpu, room["body"], room["strands"], first, end, body and self.body
-        if known not in self._divided:
-            self._divided[known] = self._parts(gpu, room, *known[3:])
-        return Cut(self._divided[known], room["rows"])
+        return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.size
