@@ -1,5 +1,6 @@
 """The scheduler: launches, buffers, kept stages, and the struct contract with the device."""
 
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +166,28 @@ def test_an_upload_is_of_what_the_array_held_then(gpu):
     there = gpu.upload(array)
     array[:] = -1
     assert (gpu.download(there) == np.arange(1000)).all() and len(busy) == 8
+
+
+def test_a_large_array_that_stays_is_not_waited_for_nor_kept(gpu):
+    """One that may be written into is; what is uploaded goes with its owner once anything has been read back."""
+    busy = [gpu.full(1 << 22, np.uint32, k) for k in range(8)]
+    written, stays = np.arange(1 << 17), np.arange(1 << 17)
+    stays.flags.writeable = False
+    assert written.nbytes > scheduler.SMALL
+    waited, pending = gpu.upload(written), gpu.upload(stays)
+    written[:], owner = -1, weakref.ref(stays)
+    del stays
+    for there in waited, pending:
+        np.testing.assert_array_equal(gpu.download(there), np.arange(1 << 17))
+    assert owner() is None and len(busy) == 8
+
+
+def test_what_is_launched_while_a_download_goes_on_is_not_in_it(gpu):
+    sums, total = gpu.upload(np.ones(10, np.uint64)), gpu.empty(1, np.uint64)
+    wait = gpu.downloading(sums)
+    gpu.launch("strands.scan_sums", 1, n=10, sums=sums, total=total)
+    np.testing.assert_array_equal(wait(), 1)
+    np.testing.assert_array_equal(gpu.download(sums), np.arange(10))
 
 
 def test_small_empty_arrays_are_made_once(gpu):

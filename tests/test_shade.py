@@ -1,6 +1,7 @@
 """Shading: the twin's values on every device, and the laws of light."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -114,6 +115,18 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     np.testing.assert_array_equal(image[..., 3], meant[..., 3])
     ids = visible.get() & np.uint64(0xFFFFFFFF)
     assert (ids < twin.BODY).any() and ((ids >= twin.BODY) & (ids < 0xFFFFFFFF)).any()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_light_over_a_picture_is_that_of_sums(gpu, ball, samples):
+    """Straight into a picture whose alpha is known, or added up first: the same bits, with that alpha."""
+    scene = furry(ball, "grown", 40)
+    view, light, visible, strands, body = picture(gpu, scene, samples)
+    rng, size = np.random.default_rng(samples), visible.shape[:2]
+    image, alpha = rng.random((*size, 4), np.float32), gpu.upload(rng.random(size, np.float32))
+    color = functools.partial(shade.color, gpu, view, unshadowed(gpu, light), visible, strands, body, scene.body_color)
+    apart = shade.blend(gpu, color(sums=shade.no_light(gpu, *size)), gpu.upload(image), coverage=alpha)
+    np.testing.assert_array_equal(color(gpu.upload(image), coverage=alpha).get(), apart.get())
 
 
 @pytest.mark.parametrize("kind", ["point", "grown"])

@@ -184,7 +184,7 @@ class Scheduler:
         return self.memory - self._pool.active_bytes
 
     def upload(self, array: np.ndarray) -> cla.Array:
-        """Copy of a host array on the device."""
+        """Copy of a host array on the device; a read-only one must stay as it is till anything is read back."""
         given, array = array, np.ascontiguousarray(array)
         there = self.empty(array.shape, array.dtype)
         if not array.size:
