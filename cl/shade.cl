@@ -336,7 +336,9 @@ APART __kernel void color(
     __global const float *sample_transmittance,   // [rows, width, samples] that share
     const int more,                        // 1: more is to come
     __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
-    __global float4 *image)                // [rows, width], if not
+    const int covered,                     // 1: it is known how much of the pixels is covered
+    __global const float *coverage,        // [rows, width] that share, if so
+    __global float4 *image)                // [rows, width], if not more is to come
 {
     WORK_ITEM(item);
     const size_t first = item * SHADED;
@@ -376,7 +378,9 @@ APART __kernel void color(
                 LANE(these.share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
     }
     for (uint i = 0; i < n; ++i)
-        if (sums[i].w > 0 && more)
+        if (covered)
+            image[first + i] = (float4)((image[first + i] + in_floats(sums[i])).xyz, coverage[first + i]);
+        else if (sums[i].w > 0 && more)
             radiance_sums[first + i] += sums[i];
         else if (sums[i].w > 0)
             image[first + i] += in_floats(sums[i]);
@@ -387,15 +391,12 @@ APART __kernel void color(
 __kernel void blend(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
-    const int attenuated,                  // 1: they let only a share of the picture through
-    __global const float *strand_transmittance,   // [rows, width] that share
     const int covered,                     // 1: it is known how much of the pixels is covered
     __global const float *coverage,        // [rows, width] that share, if so
     __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
 {
     WORK_ITEM(pixel);
-    const float4 behind = attenuated ? strand_transmittance[pixel] * image[pixel] : image[pixel];
-    const float4 all = behind + in_floats(radiance_sums[pixel]);
+    const float4 all = image[pixel] + in_floats(radiance_sums[pixel]);
     image[pixel] = (float4)(all.xyz, covered ? coverage[pixel] : all.w);
 }
 

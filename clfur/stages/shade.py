@@ -53,7 +53,7 @@ def paint_of(gpu: Any, materials: tuple) -> Paint:
 def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: DeviceStrands, body: Surface,
           body_color: tuple, image: Any = None, sample_transmittance: Any = None, sums: Any = None,
           scattering: Scattering | None = None, sky: SkyLight | None = None, paint: Paint | None = None,
-          material_of: Any = None) -> Any:
+          material_of: Any = None, coverage: Any = None) -> Any:
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by their types' looks, the body by Lambert.
@@ -63,7 +63,8 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, [rows, width, 4] int64, see
     `blend`.  ``scattering``: of the strands' types; None where none has lobes.  ``sky``: its light, if there is one.
     ``paint``: what the body has in place of ``body_color``; ``material_of``: [faces of ``body``] uint32, which of
-    several materials each has.
+    several materials each has.  ``coverage``: [rows, width] float32, the alpha of ``image`` after it; what all add up
+    to if None.
     """
     rows, width, _ = visible.shape
     if sums is None and image is None:
@@ -73,6 +74,7 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
                triangles=body.triangles, uv=body.uv, body_color=(1, 1, 1, 0) if paint else (*body_color, 0),
                attenuated=sample_transmittance is not None, **_painted(gpu, paint, material_of),
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
+               covered=coverage is not None, coverage=_or_none(gpu, coverage),
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
                **arguments(gpu, sky), **(scattering or no_scattering(gpu)).arrays(),
@@ -86,18 +88,15 @@ def no_light(gpu: Any, rows: int, width: int) -> Any:
     return RADIANCE_SUMS.empty(gpu, (rows, width))
 
 
-def blend(gpu: Any, sums: Any, image: Any = None, strand_transmittance: Any = None, coverage: Any = None) -> Any:
+def blend(gpu: Any, sums: Any, image: Any = None, coverage: Any = None) -> Any:
     """Put sums of light over an ``image``, of shells -> [rows, width, 4] float32, linear, premultiplied.
 
     sums: [rows, width, 4] int64, see `no_light`.  image: as the result, nothing if None.
-    ``strand_transmittance``: [rows, width] float32, the share of the image's light that strands let through; all of it
-    if None.  ``coverage``: [rows, width] float32, the result's alpha; None: what all of them add up to.
+    ``coverage``: [rows, width] float32, the result's alpha; None: what all of them add up to.
     """
     rows, width, _ = sums.shape
     image = IMAGE.empty(gpu, (rows, width)) if image is None else image
-    gpu.launch("shade.blend", rows * width, radiance_sums=sums,
-               attenuated=strand_transmittance is not None,
-               strand_transmittance=_or_none(gpu, strand_transmittance), covered=coverage is not None,
+    gpu.launch("shade.blend", rows * width, radiance_sums=sums, covered=coverage is not None,
                coverage=_or_none(gpu, coverage), image=image)
     return image
 
