@@ -336,9 +336,9 @@ APART __kernel void color(
     __global const float *sample_transmittance,   // [rows, width, samples] that share
     const int more,                        // 1: more is to come
     __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
-    const int covered,                     // 1: it is known how much of the pixels is covered
+    const int covered,                     // 1: if not, it is known how much of the pixels is covered
     __global const float *coverage,        // [rows, width] that share, if so
-    __global float4 *image)                // [rows, width], if not more is to come
+    __global float4 *image)                // [rows, width], if no more is to come
 {
     WORK_ITEM(item);
     const size_t first = item * SHADED;
@@ -378,12 +378,13 @@ APART __kernel void color(
                 LANE(these.share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
     }
     for (uint i = 0; i < n; ++i)
-        if (covered)
-            image[first + i] = (float4)((image[first + i] + in_floats(sums[i])).xyz, coverage[first + i]);
-        else if (sums[i].w > 0 && more)
-            radiance_sums[first + i] += sums[i];
-        else if (sums[i].w > 0)
-            image[first + i] += in_floats(sums[i]);
+        if (more) {
+            if (sums[i].w > 0)
+                radiance_sums[first + i] += sums[i];
+        } else if (covered || sums[i].w > 0) {
+            const float4 all = image[first + i] + in_floats(sums[i]);
+            image[first + i] = (float4)(all.xyz, covered ? coverage[first + i] : all.w);
+        }
 }
 
 /* One work-item puts the sums of one pixel over what is in the picture; its alpha, where that is known, is no sum of shares

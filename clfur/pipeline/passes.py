@@ -191,14 +191,13 @@ class Coverage:
                 known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                       no_surface(gpu), known)
         on_ground = plan.ground is not None
-        alone = len(bodies) == 1 and not on_ground and not plan.seen_through   # nothing else adds light
-        several = (bodies or on_ground) and not alone
-        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and several else None
+        several = plan.wants_color and (len(bodies) > 1 or plan.seen_through)
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if several else None
         for part in bodies:
             body, none = build.body(gpu, plan, part), no_strands(gpu)
             if plan.wants_color and not plan.held:
-                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, image, front.body_transmittance,
-                       sums, front.outputs["coverage"] if alone else None)
+                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, None if several else image,
+                       front.body_transmittance, sums, None if several else front.outputs["coverage"])
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
             del body   # goes before the next one is made
@@ -391,7 +390,7 @@ def _shares(gpu, visible, transmittance):
     return *(np.where(each, through, 0).mean(2, dtype=np.float64) for each in (on_body, on_ground)), through
 
 
-def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums, coverage=None):
+def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums, alpha=None):
     body_color = plan.scene.body_color
     if body_color is None or isinstance(body_color, tuple):   # none is drawn, or materials tell, where its light counts
         body_color = (0, 0, 0)
@@ -399,7 +398,7 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
                        scattering, build.light_around(gpu, plan, lighting),
-                       *build.paint(gpu, plan, part if len(body.triangles) else None), coverage=coverage)
+                       *build.paint(gpu, plan, part if len(body.triangles) else None), alpha)
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):

@@ -63,8 +63,7 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, [rows, width, 4] int64, see
     `blend`.  ``scattering``: of the strands' types; None where none has lobes.  ``sky``: its light, if there is one.
     ``paint``: what the body has in place of ``body_color``; ``material_of``: [faces of ``body``] uint32, which of
-    several materials each has.  ``coverage``: [rows, width] float32, the alpha of ``image`` after it; what all add up
-    to if None.
+    several materials each has.  ``coverage``: [rows, width] float32, the result's alpha; None: what samples add up to.
     """
     rows, width, _ = visible.shape
     if sums is None and image is None:
@@ -74,9 +73,9 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
                triangles=body.triangles, uv=body.uv, body_color=(1, 1, 1, 0) if paint else (*body_color, 0),
                attenuated=sample_transmittance is not None, **_painted(gpu, paint, material_of),
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
-               covered=coverage is not None, coverage=_or_none(gpu, coverage),
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
-               image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
+               image=gpu.empty((0, 4), np.float32) if image is None else image, covered=coverage is not None,
+               coverage=_or_none(gpu, coverage), **lighting.arrays(),
                **arguments(gpu, sky), **(scattering or no_scattering(gpu)).arrays(),
                **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv",
                         "types", "colors", "color_per"))
