@@ -1,4 +1,8 @@
-/* Triangles drawn into samples: small ones side by side, others one by one.  raster.cl uses this, and samples.h before it. */
+/*
+ * Triangles drawn into samples.  Where LANES is more than 1 small ones are set up side by side; those of many samples are then
+ * drawn one by one, the samples of a row side by side, and those of few all at once.  raster.cl uses this, and samples.h before
+ * it.
+ */
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
 inline ulong gradient(long n, long area)
@@ -163,17 +167,101 @@ inline Plane plane_of(int4 a, int4 b, int4 c, int x0, int y0)
     return plane;
 }
 
+#if LANES > 1
 INLINED int4 corner(const Corners *of, int k)
 {
     return (int4)(LANE_I(of->x, k), LANE_I(of->y, k), LANE_I(of->z, k), 0);
 }
 
-#define SMALL 32   // pixels across and down that a triangle may touch to be drawn side by side: its edges then fit 32 bits
+#define SMALL 32   // pixels across and down that a small triangle may touch: its edges then fit 32 bits
+#define MANY 48    // samples of these
 
-/* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
-   touch. Those of `there` are small. */
-ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 window, lanes_i there, Corners a, Corners b,
-                        Corners c, uint first, int phase, int facing, __global const uint *after)
+#if LANES == 8
+typedef ulong8 Keys;
+#else
+typedef ulong16 Keys;
+#endif
+typedef Keys KeysThere __attribute__((aligned(8)));
+
+/* LANES samples that lie side by side in memory: those of some pixels of a row, or some of one pixel. */
+typedef struct {
+    int pixels, turns;                     // how many pixels, or how many times LANES samples one has
+    lanes_i pixel, x, y;                   // of each: its pixel, and where it is from the middle of the first, in 1/SUBPIXEL
+} Row;
+
+INLINED Row row_of(const View *view, int turn)
+{
+    Row row;
+    const int samples = view->size.z;
+    row.pixels = samples < LANES ? LANES / samples : 1;
+    row.turns = samples < LANES ? 1 : samples / LANES;
+    for (int k = 0; k < LANES; ++k) {
+        const int2 offset = PATTERN[view->size.w + (turn * LANES + k) % samples];
+        LANE_I(row.pixel, k) = k / samples;
+        LANE_I(row.x, k) = k / samples * SUBPIXEL + offset.x;
+        LANE_I(row.y, k) = offset.y;
+    }
+    return row;
+}
+
+/* Twice the areas of an edge of a small triangle with samples of a row from the middle of a pixel on, less its bias. */
+INLINED lanes_i edge_in_row(int4 p, int4 q, int x, int y, const Row *row)
+{
+    return (int)(edge(p, q, x, y) + edge_bias(p, q)) + (q.x - p.x) * row->y - (q.y - p.y) * row->x;
+}
+
+/* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side; turn: see `Row`. */
+INLINED void draw_in_rows(__global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0, int y0, int x1,
+                          int y1, const Row *row, int turn, uint id, int facing, __global const uint *after)
+{
+    const int samples = view->size.z, step = row->pixels * SUBPIXEL;
+    const int x_first = x0 * SUBPIXEL + SUBPIXEL / 2, y_first = y0 * SUBPIXEL + SUBPIXEL / 2;
+    lanes_i row_c = edge_in_row(a, b, x_first, y_first, row), row_a = edge_in_row(b, c, x_first, y_first, row);
+    lanes_i row_b = edge_in_row(c, a, x_first, y_first, row);
+    Plane plane;
+    lanes_l offsets;
+    bool known = false;                    // what planes are: many triangles hit no sample
+    for (int y = y0; y <= y1; ++y) {
+        lanes_i ec = row_c, ea = row_a, eb = row_b;
+        for (int x = x0; x <= x1; x += row->pixels) {
+            const lanes_i in = ((ec | ea | eb) >= 0) & (row->pixel <= x1 - x);
+            ec -= (b.y - a.y) * step;
+            ea -= (c.y - b.y) * step;
+            eb -= (a.y - c.y) * step;
+            uint bits = bits_of(in);
+            if (!bits)
+                continue;
+            if (!known) {
+                plane = plane_of(a, b, c, x0, y0);
+                offsets = TO(lanes_l, row->x) * (long)plane.gx + TO(lanes_l, row->y) * (long)plane.gy;
+                known = true;
+            }
+            const ulong d = plane.start + plane.gx * (ulong)(long)((x - x0) * SUBPIXEL)
+                + plane.gy * (ulong)(long)((y - y0) * SUBPIXEL);
+            const lanes_l depth = plane.z + ((offsets + (long)d) >> 14), most = depth < plane.farthest ? depth : plane.farthest;
+            const lanes_l depths = most < plane.nearest ? plane.nearest : most;
+            const size_t first = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + turn * LANES;
+            if (!facing && x + row->pixels <= window.y) {
+                __global KeysThere *there = (__global KeysThere *)&visible[first];
+                const Keys keys = TO(Keys, depths) << 32 | id, before = *there;
+                *there = TO(lanes_l, in) & (keys < before) ? keys : before;
+                continue;
+            }
+            for (; bits; bits &= bits - 1) {
+                const int k = first_of(bits);
+                if (!facing || (uint)LANE_L(depths, k) > after[first + k])
+                    keep_nearest(visible, first + k, (uint)LANE_L(depths, k), id);
+            }
+        }
+        row_c += (b.x - a.x) * SUBPIXEL;
+        row_a += (c.x - b.x) * SUBPIXEL;
+        row_b += (a.x - c.x) * SUBPIXEL;
+    }
+}
+
+/* Small triangles, those of `there`, drawn as draw_triangle draws them; no other work-item writes into the window. */
+ONCE void draw_small(__global ulong *visible, const View *view, int4 window, lanes_i there, Corners a, Corners b, Corners c,
+                     const uint *ids, int facing, __global const uint *after)
 {
     const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
     const Corners p = b, q = c;
@@ -189,6 +277,17 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
     there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
     if (facing)
         there &= swap;
+    const lanes_i many = there & ((x1 - x0 + 1) * (y1 - y0 + 1) > MANY / samples);
+    for (int turn = 0, turns = 1; any_lane(many) && turn < turns; ++turn) {
+        const Row row = row_of(view, turn);
+        turns = row.turns;
+        for (uint bits = bits_of(many); bits; bits &= bits - 1) {
+            const int k = first_of(bits);
+            draw_in_rows(visible, view, window, corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k),
+                         LANE_I(x1, k), LANE_I(y1, k), &row, turn, BODY | ids[k], facing, after);
+        }
+    }
+    there &= many == 0;
     if (!any_lane(there))
         return;
     const int wide = most_lane(there ? x1 - x0 : I(0)), high = most_lane(there ? y1 - y0 : I(0));
@@ -221,7 +320,7 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
                                               : here < plane->farthest ? here : plane->farthest);
                     const size_t sample = plane->at + from;
                     if (!facing || depth > after[sample])
-                        put(visible, sample, depth, BODY | (first + k), phase);
+                        keep_nearest(visible, sample, depth, BODY | ids[k]);
                 }
                 ec -= ec_x;
                 ea -= ea_x;
@@ -233,3 +332,4 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
         }
     }
 }
+#endif

@@ -13,6 +13,8 @@ VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
 LEFT = Declared("segment", np.uint32, 2)              # or triangle that takes too many steps of loops: see raster.cl
 CLIPPED = 14                                          # pieces of a triangle, at most
 SOME = 1 << 12                                        # of these there is room for at first
+REACHES = Declared("triangle", np.uint32)             # rows that it may touch
+BANDS = 4                                             # of the picture for each core
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
@@ -26,25 +28,41 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
-    visible = VISIBLE.empty(gpu, (rows, width, samples)) if visible is None else visible
+    fresh = visible is None and gpu.lanes > 1 and body is not None and len(body.triangles) > 0   # `raster.bands` fills it
+    if visible is None:
+        shape = rows, width, samples
+        visible = gpu.empty(shape, VISIBLE.dtype) if fresh else VISIBLE.empty(gpu, shape)
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
-            _body(gpu, view, body, after, phase, visible)
+            _body(gpu, view, body, after, phase, visible, fresh and not phase)
         if strands is not None and len(strands.points):
             _lines(gpu, view, strands, phase, visible)
     return visible
 
 
-def _body(gpu, view, body, after, phase, visible):
+def _body(gpu, view, body, after, phase, visible, fresh):
     """Draw triangles.  Where a driver ends long loops, large ones and those that are clipped window by window."""
     n, rows = len(body.triangles), len(visible)
-    bands = _bands(view, body) if not gpu.steps else 1
     known = {"view": view, "positions": body.positions, "triangles": body.triangles, "first": body.first_triangle,
              "facing": after is not None, "after": gpu.empty(0, np.uint32) if after is None else after, "phase": phase,
              "visible": visible}
-    left, n_left = _left(gpu, "raster.body", -(-n // gpu.lanes) * bands, n=n, band=-(-rows // bands),
-                         side=_side(gpu, view, 1), **known)
+    if gpu.lanes > 1:
+        if n:
+            _in_bands(gpu, n, rows, fresh, **known)
+        return
+    bands = _bands(view, body) if not gpu.steps else 1
+    left, n_left = _left(gpu, "raster.body", n * bands, n=n, band=-(-rows // bands), side=_side(gpu, view, 1), **known)
     _pieces(gpu, "raster.body_pieces", left, n_left, CLIPPED, **known)
+
+
+def _in_bands(gpu, n, rows, fresh, view, positions, triangles, **known):
+    """Draw n triangles, each band of rows by one work-item."""
+    lanes = min(gpu.lanes, 16)
+    reaches = REACHES.empty(gpu, n + lanes - 1)
+    gpu.launch("raster.reach", -(-n // lanes), view=view, positions=positions, triangles=triangles, n=n, reaches=reaches)
+    band = -(-rows // min(BANDS * gpu.device.max_compute_units, rows))
+    gpu.launch("raster.bands", -(-rows // band), view=view, positions=positions, triangles=triangles, n=n, reaches=reaches,
+               band=band, fresh=fresh, **known)
 
 
 def _lines(gpu, view, strands, phase, visible):
