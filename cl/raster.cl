@@ -5,10 +5,6 @@
  * is integers, and samples are taken with order-free minima, so the result is the same bits on every device and
  * for every order of strands.
  */
-#if LANES > 16
-#undef LANES
-#define LANES 16
-#endif
 #include "clip.h"
 #include "lanes.h"
 #include "samples.h"
@@ -145,10 +141,10 @@ INLINED lanes_i within_guard_all(const OnScreen *on)
     return within_guard_lanes(on->a) & within_guard_lanes(on->b) & within_guard_lanes(on->c);
 }
 
-/* Draw n triangles by their numbers, LANES at most, into a window that no other work-item writes into. */
-ONCE void draw_some(__global ulong *visible, const View *view, int4 window, __global const float4 *positions,
-                    __global const uint4 *triangles, uint *numbers, uint n, uint first, int phase, int facing,
-                    __global const uint *after)
+/* Draw n triangles by their numbers, LANES at most; alone: see `draw_small`. */
+ONCE void draw_some(volatile __global ulong *visible, const View *view, int4 window, bool alone,
+                    __global const float4 *positions, __global const uint4 *triangles, uint *numbers, uint n, uint first,
+                    int phase, int facing, __global const uint *after)
 {
     for (uint k = n; k < LANES; ++k)
         numbers[k] = numbers[0];
@@ -165,7 +161,7 @@ ONCE void draw_some(__global ulong *visible, const View *view, int4 window, __gl
     const lanes_i down = most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y);
     const lanes_i small = in & (across < (SMALL - 2) * SUBPIXEL) & (down < (SMALL - 2) * SUBPIXEL);
     if (any_lane(small))
-        draw_small(visible, view, window, small, a, b, c, ids, facing, after);
+        draw_small(visible, view, window, alone, small, a, b, c, ids, phase, facing, after);
     for (uint others = bits_of(some & (small == 0)); others; others &= others - 1) {
         const int k = first_of(others);
         const uint4 v = triangles[numbers[k]];
@@ -177,76 +173,88 @@ ONCE void draw_some(__global ulong *visible, const View *view, int4 window, __gl
 typedef lanes_u Reaches __attribute__((aligned(4)));
 #endif
 
-#define REACH 16                           // rows that are one for `reach`
+#define LAST 0xFFFF                        // row, and all after it, in `reach`
+#define FAR 1e5f                           // pixels beyond which a corner's row is not known well
 
-/* One work-item tells which rows each of LANES triangles may touch, the first and the last in REACH; where LANES is more than
-   1. */
+/* One work-item tells which rows each of LANES triangles may touch; where LANES is more than 1. */
 __kernel void reach(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // as of `body`
     __global const uint4 *triangles,
     const uint n,
-    __global uint *reaches)                // [n and LANES - 1 more] last << 16 | first; first after last: none
+    __global uint *reaches)                // [n and LANES - 1 more] the last << 16 | the first, none if that is less
 {
 #if LANES > 1
     WORK_ITEM(item);
-    uint numbers[LANES];
-    for (uint k = 0; k < LANES; ++k)
-        numbers[k] = item * LANES + k < n ? item * LANES + k : n - 1;
-    const OnScreen on = on_screen(&view, positions, triangles, numbers);
-    const lanes_i in = within_guard_all(&on);
-    const lanes a = on.a.y / on.a.w, b = on.b.y / on.b.w, c = on.c.y / on.c.w;
-    const lanes least = lesser(lesser(a, b), c), most = greater(greater(a, b), c);
-    /* One more on both sides: places on the grid are not known yet. */
-    const lanes_i above = TO(lanes_i, in ? least : F(0.0f)) - 2 - view.rows.x, under = TO(lanes_i, in ? most : F(0.0f)) + 2 - view.rows.x;
-    const lanes_i first = (above > 0 ? above : I(0)) / REACH, last = (under < 0xFFFF * REACH ? under : I(0xFFFF * REACH)) / REACH;
-    const lanes_i none = in & ((under < 0) | (above > 0xFFFF * REACH));
-    *(__global Reaches *)&reaches[item * LANES] = none ? U(0xFFFF) : in ? AS_U(last << 16 | first) : U(0xFFFF0000);
+    const float4 x = view.to_screen[0], y = view.to_screen[1], z = view.to_screen[2], one = view.to_screen[3];
+    lanes3 p[3];
+    for (uint k = 0; k < LANES; ++k) {
+        const uint4 t = triangles[item * LANES + k < n ? item * LANES + k : n - 1];
+        put_lane(&p[0], k, positions[t.x]);
+        put_lane(&p[1], k, positions[t.y]);
+        put_lane(&p[2], k, positions[t.z]);
+    }
+    lanes at[3], w[3];
+    for (int i = 0; i < 3; ++i) {
+        w[i] = x.w * p[i].x + y.w * p[i].y + z.w * p[i].z + one.w;
+        at[i] = (x.y * p[i].x + y.y * p[i].y + z.y * p[i].z + one.y) / w[i];
+    }
+    const lanes least = lesser(lesser(at[0], at[1]), at[2]), most = greater(greater(at[0], at[1]), at[2]);
+    const lanes_i in = (w[0] > 0.0f) & (w[1] > 0.0f) & (w[2] > 0.0f) & (least > -FAR) & (most < FAR);
+    /* The next ones as well, as far as a sample lies from its pixel's middle. */
+    const lanes_i above = TO(lanes_i, in ? least : F(0.0f)) - 1 - view.rows.x, under = TO(lanes_i, in ? most : F(0.0f)) + 1 - view.rows.x;
+    const lanes_i none = in & ((under < 0) | (above > LAST)), top = in & (above > 0) ? above : I(0);
+    const lanes_i bottom = in & (under < LAST) ? under : I(LAST);
+    *(__global Reaches *)&reaches[item * LANES] = none ? U(LAST) : AS_U(bottom << 16 | top);
 #endif
 }
 
-/* One work-item draws what one band of the picture shows of the body, and nothing else writes there; where LANES is more than
-   1. */
+/* One work-item draws what one band of the picture shows of the body, so that nothing else writes there, or all that is shown
+   of some triangles; where LANES is more than 1. */
 APART __kernel void bands(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // as of `body`
     __global const uint4 *triangles,
     const uint n,
-    __global const uint *reaches,          // see `reach`
+    const uint share,                      // triangles of a work-item: all if it draws a band,
+    __global const uint *reaches,          // as `reach` tells
     const uint first,
     const int band,
     const int facing,
     __global const uint *after,
     const int phase,
-    const int fresh,                       // 1: nothing has been drawn yet; else what is there already stays
-    __global ulong *visible)
+    const int fresh,                       // 1: nothing has been drawn into the band; else what is there already stays
+    volatile __global ulong *visible)
 {
 #if LANES > 1
     WORK_ITEM(item);
-    const int top = view.rows.x + (int)item * band, bottom = min(top + band, view.rows.y);
+    const bool alone = share >= n;
+    const int top = alone ? view.rows.x + (int)item * band : view.rows.x, bottom = alone ? min(top + band, view.rows.y) : view.rows.y;
     const int4 window = (int4)(view.rows.z, view.rows.z + view.size.x, top, bottom);
+    const uint begins = min(top - view.rows.x, LAST), ends = bottom - 1 - view.rows.x;
+    const uint from = alone ? 0 : item * share, until = n - from < share ? n : from + share;
     const size_t row = (size_t)view.size.x * view.size.z;
-    const uint begins = (top - view.rows.x) / REACH, ends = (bottom - 1 - view.rows.x) / REACH;
     for (size_t i = (top - view.rows.x) * row; fresh && i < (bottom - view.rows.x) * row; ++i)
-        visible[i] = ~0ul;
+        ((__global ulong *)visible)[i] = ~0ul;
     uint waiting[2 * LANES], count = 0;
-    for (uint t = 0; t < n; t += LANES) {
-        const lanes_u reach = *(__global const Reaches *)&reaches[t];
-        uint bits = bits_of(((reach & 0xFFFF) <= ends) & (reach >> 16 >= begins));
-        bits &= n - t < LANES ? (1u << (n - t)) - 1 : ~0u;
+    for (uint t = from; t < until || count; t += LANES) {
+        uint bits = t >= until ? 0 : until - t < LANES ? (1u << (until - t)) - 1 : ~0u >> (32 - LANES);
+        if (alone && t < until) {
+            const lanes_u reach = *(__global const Reaches *)&reaches[t];
+            bits &= bits_of(((reach & 0xFFFF) <= ends) & (reach >> 16 >= begins));
+        }
         for (; bits; bits &= bits - 1)
             waiting[count++] = t + first_of(bits);
-        if (count < LANES)
+        const uint some = count < LANES ? count : LANES;
+        if (!some || (some < LANES && t + LANES < until))
             continue;
-        draw_some(visible, &view, window, positions, triangles, waiting, LANES, first, phase, facing, after);
-        count -= LANES;
+        draw_some(visible, &view, window, alone, positions, triangles, waiting, some, first, phase, facing, after);
+        count -= some;
         for (uint k = 0; k < count; ++k)
             waiting[k] = waiting[LANES + k];
     }
-    if (count)
-        draw_some(visible, &view, window, positions, triangles, waiting, count, first, phase, facing, after);
 #endif
 }
 

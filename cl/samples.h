@@ -37,14 +37,6 @@ inline void put(volatile __global ulong *visible, size_t sample, uint depth, uin
 #endif
 }
 
-/* The same where no other work-item writes. */
-INLINED void keep_nearest(__global ulong *visible, size_t sample, uint depth, uint id)
-{
-    const ulong key = ((ulong)depth << 32) | id;
-    if (key < visible[sample])
-        visible[sample] = key;
-}
-
 /* Pixels, reversed depth and half a width, already divided by w -> sub-pixels and depth steps. */
 inline int4 snap(float4 q)
 {

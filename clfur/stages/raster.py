@@ -14,7 +14,9 @@ LEFT = Declared("segment", np.uint32, 2)              # or triangle that takes t
 CLIPPED = 14                                          # pieces of a triangle, at most
 SOME = 1 << 12                                        # of these there is room for at first
 REACHES = Declared("triangle", np.uint32)             # rows that it may touch
-BANDS = 4                                             # of the picture for each core
+SHARE = 512                                           # triangles that a work-item draws, or
+BANDS = 4                                             # of the picture for each core,
+AREA = 8                                              # where there are so many samples for a triangle
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
@@ -28,9 +30,9 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
-    fresh = visible is None and gpu.lanes > 1 and body is not None and len(body.triangles) > 0   # `raster.bands` fills it
+    shape, n = (rows, width, samples), 0 if body is None else len(body.triangles)
+    fresh = visible is None and gpu.lanes > 1 and 0 < AREA * n <= math.prod(shape)   # `raster.bands` fills it
     if visible is None:
-        shape = rows, width, samples
         visible = gpu.empty(shape, VISIBLE.dtype) if fresh else VISIBLE.empty(gpu, shape)
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
@@ -48,21 +50,25 @@ def _body(gpu, view, body, after, phase, visible, fresh):
              "visible": visible}
     if gpu.lanes > 1:
         if n:
-            _in_bands(gpu, n, rows, fresh, **known)
+            _side_by_side(gpu, n, fresh, **known)
         return
     bands = _bands(view, body) if not gpu.steps else 1
     left, n_left = _left(gpu, "raster.body", n * bands, n=n, band=-(-rows // bands), side=_side(gpu, view, 1), **known)
     _pieces(gpu, "raster.body_pieces", left, n_left, CLIPPED, **known)
 
 
-def _in_bands(gpu, n, rows, fresh, view, positions, triangles, **known):
-    """Draw n triangles, each band of rows by one work-item."""
-    lanes = min(gpu.lanes, 16)
-    reaches = REACHES.empty(gpu, n + lanes - 1)
-    gpu.launch("raster.reach", -(-n // lanes), view=view, positions=positions, triangles=triangles, n=n, reaches=reaches)
+def _side_by_side(gpu, n, fresh, **known):
+    """Draw n triangles where samples are drawn side by side: each band of rows by one work-item, or some triangles by each,
+    where they are so small that to find those of a band would take longer."""
+    rows, in_bands = len(known["visible"]), AREA * n <= known["visible"].size
+    reaches = REACHES.empty(gpu, n + gpu.lanes - 1 if in_bands else 0)
+    if in_bands:
+        gpu.launch("raster.reach", -(-n // gpu.lanes), n=n, reaches=reaches,
+                   **{name: known[name] for name in ("view", "positions", "triangles")})
     band = -(-rows // min(BANDS * gpu.device.max_compute_units, rows))
-    gpu.launch("raster.bands", -(-rows // band), view=view, positions=positions, triangles=triangles, n=n, reaches=reaches,
-               band=band, fresh=fresh, **known)
+    share = n if in_bands else SHARE
+    gpu.launch("raster.bands", -(-rows // band) if in_bands else -(-n // share), n=n, share=share, reaches=reaches, band=band,
+               fresh=fresh, **known)
 
 
 def _lines(gpu, view, strands, phase, visible):
