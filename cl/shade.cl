@@ -22,16 +22,15 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Samples that wait to be lit side by side: where they are on the screen, what they show, and how much of it. */
+/* Samples that are lit side by side: where they are on the screen, what they show, and how much of it. */
 typedef struct {
     lanes x, y, e, share;                  // reversed depth; share of the pixel
-    uint id[LANES];                        // triangle or point
-    uint pixel[LANES];                     // of those of the work-item
-    int n;
-} Waiting;
+    lanes_u id;                            // triangle or point
+    lanes_i pixel;                         // of those of the work-item
+} Seen;
 
 /* The places that samples see. */
-INLINED lanes3 seen_points(const View *view, const Waiting *samples)
+INLINED lanes3 seen_points(const View *view, const Seen *samples)
 {
     const lanes4 q = by_columns(view->to_world, samples->x, samples->y, samples->e);
     const lanes3 p = {q.x / q.w, q.y / q.w, q.z / q.w};
@@ -46,14 +45,11 @@ INLINED void put_where(lanes_i mask, lanes3 *to, float4 from)
 
 /* Corners of triangles, and normals there: each triangle's in all lanes at once that see it. */
 INLINED void corners(lanes3 *at, lanes3 *normal, __global const float4 *positions, __global const float4 *normals,
-                     __global const uint4 *triangles, const uint *id)
+                     __global const uint4 *triangles, lanes_u id)
 {
-    lanes_u ids;
-    for (int k = 0; k < LANES; ++k)
-        LANE_U(ids, k) = id[k];
     for (uint bits = LANES == 1 ? 1 : (1ul << LANES) - 1, these; bits; bits &= ~these) {
-        const uint one = id[first_of(bits)];
-        const lanes_i mask = LANES == 1 ? I(1) : ids == one;
+        const uint one = LANE_U(id, first_of(bits));
+        const lanes_i mask = LANES == 1 ? I(1) : id == one;
         const uint4 t = triangles[one];
         these = bits_of(mask);
         put_where(mask, &at[0], positions[t.x]);
@@ -101,18 +97,18 @@ INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p,
 }
 
 /* Light of white places, times base colours where samples see triangles. */
-ONCE void multiply_by_paint(lanes3 *light, const Paint *paint, const View *view, const Waiting *samples,
+ONCE void multiply_by_paint(lanes3 *light, const Paint *paint, const View *view, const Seen *samples,
                             __global const float4 *positions, __global const uint4 *triangles)
 {
     for (int k = 0; k < LANES; ++k)
         put_lane(light, k, (float4)(lane_of(light, k), 0.0f)
-                     * base_color(paint, view, positions, triangles[samples->id[k]], LANE(samples->x, k),
+                     * base_color(paint, view, positions, triangles[LANE_U(samples->id, k)], LANE(samples->x, k),
                                   LANE(samples->y, k), LANE(samples->e, k)));
 }
 
 /* The light that waiting samples of the body send to the eye. */
 ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
-                             const Waiting *samples,
+                             const Seen *samples,
                              __global const float4 *positions, __global const float4 *normals,
                              __global const uint4 *triangles, float4 color)
 {
@@ -142,14 +138,14 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
 
 /* The light that waiting samples of strands send to the eye. */
 ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
-                              const Waiting *samples, const Hair *hair, Looks *looks)
+                              const Seen *samples, const Hair *hair, Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
     lanes alpha, width, at;
     lanes3 normal, chords[2], along, sum = {F(0.0f), F(0.0f), F(0.0f)};
     for (int k = 0; k < LANES; ++k) {
-        const uint id = samples->id[k], strand = strand_at(hair, id);
+        const uint id = LANE_U(samples->id, k), strand = strand_at(hair, id);
         const Segment ends = segment_at(hair, id, hair->spans[strand]);
         const float there = place_between(ends.a, ends.b, (float4)(lane_of(&p, k), 0.0f));
         const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
@@ -187,32 +183,119 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
 #define LOOKED 8                           // samples that are looked at together
 typedef ulong8 Keys __attribute__((aligned(8)));
 typedef float8 Shares __attribute__((aligned(4)));
+typedef lanes_i Numbers __attribute__((aligned(4)));
 #else
 #define LOOKED 1
 #endif
 
-/* Which of the next LOOKED samples, of n, show something of a part, and let light through, a bit each. */
+/* Which of the next LOOKED samples, of n, show something of a part, and let light through, a bit each; body: which of them
+   show a triangle. */
 INLINED uint shown_from(__global const ulong *visible, __global const float *transmittance, int attenuated, uint4 part,
-                        uint n)
+                        uint n, uint *body)
 {
     uint bits = 0;
+    *body = 0;
 #if LANES > 1
     if (n >= LOOKED) {
         const uint8 of = __builtin_convertvector(*(__global const Keys *)visible, uint8), ends = part.w, others = part.y;
         const int8 is_body = (of & BODY) != 0;
         const uint8 number = is_body ? (of & ~BODY) - part.z : of - part.x;
         const int8 shown = (of != NOTHING) & (number < (is_body ? ends : others));
+        *body = bits_of_eight(is_body);
         return bits_of_eight(attenuated ? shown & (*(__global const Shares *)transmittance > 0.0f) : shown);
     }
 #endif
-    for (uint k = 0; k < LOOKED && k < n; ++k)
+    for (uint k = 0; k < LOOKED && k < n; ++k) {
         bits |= local_id(visible[k], part) != NOTHING && (!attenuated || transmittance[k] > 0.0f) ? 1u << k : 0;
+        *body |= (uint)visible[k] & BODY ? 1u << k : 0;
+    }
     return bits;
 }
 
+#if LANES > 1
+/* Numbers of samples of a work-item that show strands, and of those that show the body; LANES more than there can be, as
+   what is listed at last is filled up. */
+typedef struct {
+    uint numbers[2][SHADED * SAMPLES + LANES];
+    uint n[2];
+} Found;
+
+/* List those of eight numbers from the first on that have a bit. */
+INLINED uint list_some(uint *numbers, uint n, uint first, uint bits)
+{
+    #pragma unroll
+    for (uint k = 0; k < 8; ++k) {         // no branch would be foreseen
+        numbers[n] = first + k;
+        n += bits >> k & 1;
+    }
+    return n;
+}
+
+/* List all samples of a work-item that show something; the last ones of each kind do as its first where there are fewer than
+   LANES. */
+INLINED void find(Found *found, __global const ulong *visible, __global const float *transmittance, int attenuated, uint4 part,
+                  uint all)
+{
+    found->n[0] = found->n[1] = 0;
+    for (uint i = 0; i < all; i += LOOKED) {
+        uint body;
+        const uint shown = shown_from(visible + i, transmittance + i, attenuated, part, all - i, &body);
+        if (shown & ~body)
+            found->n[0] = list_some(found->numbers[0], found->n[0], i, shown & ~body);
+        if (shown & body)
+            found->n[1] = list_some(found->numbers[1], found->n[1], i, shown & body);
+    }
+    for (int of_body = 0; of_body < 2; ++of_body)
+        for (uint k = 0; found->n[of_body] && k < LANES; ++k)
+            found->numbers[of_body][found->n[of_body] + k] = found->numbers[of_body][0];
+}
+#endif
+
+/* What a work-item lights: its first pixel, and samples from there on. */
+typedef struct {
+    int x, y;                              // of the first pixel, in the rows that are drawn
+    __global const ulong *visible;
+    __global const float *transmittance;   // share of light that comes through what is before each, if attenuated
+    int attenuated;
+    uint4 part;                            // of the scene, see `color`
+} Samples;
+
+/* LANES samples by their numbers, all of the body or all of strands; stored, run: see `color`. */
+INLINED Seen seen_at(const View *view, const Samples *lit, lanes_i number, int of_body, __global const uint *stored, uint run)
+{
+    Seen seen;
+    const float weight = 1.0f / view->size.z;
+    lanes_u depth;
+    lanes x, y;
+    /* Whole numbers as small as these are divided in floats: their quotients are further from whole ones than is rounded. */
+    seen.pixel = TO(lanes_i, (TO(lanes, number) + 0.5f) * weight);
+    const lanes_i of_pixel = number - seen.pixel * view->size.z, along = lit->x + seen.pixel;
+    const lanes_i down = TO(lanes_i, (TO(lanes, along) + 0.5f) / (float)view->size.x);
+    for (int k = 0; k < LANES; ++k) {
+        const int i = LANE_I(number, k);
+        const int2 offset = PATTERN[view->size.w + LANE_I(of_pixel, k)];
+        const ulong key = lit->visible[i];
+        LANE_U(seen.id, k) = (uint)key;
+        LANE_U(depth, k) = (uint)(key >> 32);
+        LANE(x, k) = offset.x;
+        LANE(y, k) = offset.y;
+        LANE(seen.share, k) = lit->attenuated ? lit->transmittance[i] : 1.0f;
+    }
+    seen.x = TO(lanes, view->rows.z + along - down * view->size.x) + 0.5f + x * (1.0f / SUBPIXEL);
+    seen.y = TO(lanes, lit->y + down) + 0.5f + y * (1.0f / SUBPIXEL);
+    seen.e = greater(TO(lanes, DEPTH_ONE - depth), F(0.5f)) / (float)DEPTH_ONE;   // `reversed_depth`
+    seen.share *= weight;
+    if (of_body)
+        seen.id = (seen.id & ~BODY) - lit->part.z;
+    else
+        for (int k = 0; k < LANES; ++k)
+            LANE_U(seen.id, k) = lies_at(stored, run, LANE_U(seen.id, k) - lit->part.x);
+    return seen;
+}
+
 /* One work-item lights the samples of SHADED pixels, those of one part of the scene, and adds their average, premultiplied linear
-   r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. Samples wait until there
-   are LANES of strands, or of the body, to be lit side by side. */
+   r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. LANES samples
+   of strands, or of the body, are lit side by side. */
 APART __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -260,78 +343,39 @@ APART __kernel void color(
     WORK_ITEM(item);
     const size_t first = item * SHADED;
     const uint n = pixels - first < SHADED ? (uint)(pixels - first) : SHADED, samples = view.size.z;
-    const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     Looks looks = {lobes, lobe_table};
     const Paint paint = {n_materials, materials, material_of, texels, uv};
+    const Samples lit = {(int)(first % view.size.x), view.rows.x + (int)(first / view.size.x), visible + first * samples,
+                     sample_transmittance + first * samples, attenuated, part};
     long4 sums[SHADED];
-    Waiting waiting[2];                    // samples of strands, and of the body
-    waiting[0].n = waiting[1].n = 0;
     for (uint i = 0; i < n; ++i)
         sums[i] = 0;
-    const int x = (int)(first % view.size.x), y = view.rows.x + (int)(first / view.size.x);
-    const uint all = n * samples;
-    uint next = 0, shown = 0;              // samples that have been looked at, and which of the last ones are lit
-    int last = LANES == 1 ? 0 : 2;         // in the end what waits of each is lit
-#if LANES == 1                             // in many pixels nothing is to be lit, and nothing waits for others in one
-    bool any = false;
-    for (uint i = 0; i < samples; ++i)
-        any |= shown_from(visible + first * samples + i, sample_transmittance + first * samples + i, attenuated, part, 1);
-    next = any ? 0 : all;
+#if LANES == 1
+    for (uint i = 0; i < samples; ++i) {
+        uint is_body;
+        if (!shown_from(lit.visible + i, lit.transmittance + i, attenuated, part, 1, &is_body))
+            continue;
+        const int of_body = is_body, number = (int)i, here = 1;
+#else
+    Found found;
+    find(&found, lit.visible, lit.transmittance, attenuated, part, n * samples);
+    for (uint of_body = 0, i = 0; of_body < 2; i = i + LANES < found.n[of_body] ? i + LANES : (++of_body, 0)) {
+        if (!found.n[of_body])
+            continue;
+        const lanes_i number = *(const Numbers *)&found.numbers[of_body][i];
+        const int here = found.n[of_body] - i < LANES ? found.n[of_body] - i : LANES;
 #endif
-    while (shown || next < all || last) {
-        int of_body;
-        if (!shown && next < all) {
-            shown = shown_from(visible + first * samples + next, sample_transmittance + first * samples + next, attenuated, part,
-                               all - next);
-            next += LOOKED;
-        }
-        if (shown) {
-            const uint i = next - LOOKED + first_of(shown), in_pixel = i / samples, of_pattern = view.size.w + i % samples;
-            const int along = x + (int)in_pixel, down = along < view.size.x ? 0 : along / view.size.x;
-            const int at_x = view.rows.z + along - down * view.size.x, at_y = y + down;
-            const ulong key = visible[first * samples + i];
-            const uint id = local_id(key, part);
-            shown &= shown - 1;
-            const float share = attenuated ? weight * sample_transmittance[first * samples + i] : weight;
-            if (!(share > 0.0f))
-                continue;
-            of_body = ((uint)key & BODY) != 0;
-            Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
-            const int k = LANES == 1 ? 0 : these->n;
-            these->n = k + 1;
-            LANE(these->x, k) = at_x + 0.5f + PATTERN[of_pattern].x * (1.0f / SUBPIXEL);
-            LANE(these->y, k) = at_y + 0.5f + PATTERN[of_pattern].y * (1.0f / SUBPIXEL);
-            LANE(these->e, k) = reversed_depth((uint)(key >> 32));
-            LANE(these->share, k) = share;
-            these->id[k] = of_body ? id : lies_at(stored, run, id);
-            these->pixel[k] = in_pixel;
-            if (!of_body)                  // nothing else knows what will be looked up
-                PREFETCH(points + these->id[k]);
-            if (these->n < LANES)
-                continue;
-        } else if (next < all || !last)
-            continue;
-        else
-            of_body = --last;
-        Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
-        if (!these->n)
-            continue;
-        for (int k = these->n; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
-            LANE(these->x, k) = LANE(these->x, 0);
-            LANE(these->y, k) = LANE(these->y, 0);
-            LANE(these->e, k) = LANE(these->e, 0);
-            these->id[k] = these->id[0];
-        }
+        const Seen these = seen_at(&view, &lit, number, of_body, stored, run);
         lanes3 light = of_body
-            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
-            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
+            ? light_of_body(&view, &lighting, &sky, sky_cells, &these, positions, normals, triangles, body_color)
+            : light_of_strands(&view, &lighting, &sky, sky_cells, &these, &hair, &looks);
         if (of_body && n_materials)
-            multiply_by_paint(&light, &paint, &view, these, positions, triangles);
-        for (int k = 0; k < these->n; ++k)
-            sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
-        these->n = 0;
+            multiply_by_paint(&light, &paint, &view, &these, positions, triangles);
+        for (int k = 0; k < here; ++k)
+            sums[LANES == 1 ? 0 : LANE_I(these.pixel, k)] += in_integers(
+                LANE(these.share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
     }
     for (uint i = 0; i < n; ++i)
         if (more) {
@@ -348,15 +392,12 @@ APART __kernel void color(
 __kernel void blend(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
-    const int attenuated,                  // 1: they let only a share of the picture through
-    __global const float *strand_transmittance,   // [rows, width] that share
     const int covered,                     // 1: it is known how much of the pixels is covered
     __global const float *coverage,        // [rows, width] that share, if so
     __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
 {
     WORK_ITEM(pixel);
-    const float4 behind = attenuated ? strand_transmittance[pixel] * image[pixel] : image[pixel];
-    const float4 all = behind + in_floats(radiance_sums[pixel]);
+    const float4 all = image[pixel] + in_floats(radiance_sums[pixel]);
     image[pixel] = (float4)(all.xyz, covered ? coverage[pixel] : all.w);
 }
 

@@ -1,4 +1,8 @@
-/* Triangles drawn into samples: small ones side by side, others one by one.  raster.cl uses this, and samples.h before it. */
+/*
+ * Triangles drawn into samples.  Where LANES is more than 1 small ones are set up side by side; those of many samples are then
+ * drawn one by one, the samples of a row side by side, and those of few all at once.  raster.cl uses this, and samples.h before
+ * it.
+ */
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
 inline ulong gradient(long n, long area)
@@ -163,17 +167,111 @@ inline Plane plane_of(int4 a, int4 b, int4 c, int x0, int y0)
     return plane;
 }
 
+#if LANES > 1
 INLINED int4 corner(const Corners *of, int k)
 {
     return (int4)(LANE_I(of->x, k), LANE_I(of->y, k), LANE_I(of->z, k), 0);
 }
 
-#define SMALL 32   // pixels across and down that a triangle may touch to be drawn side by side: its edges then fit 32 bits
+#define SMALL 32   // pixels across and down that a small triangle may touch: its edges then fit 32 bits
+#define MANY 48    // samples that they may hit, on average, from which on they are drawn one by one
 
-/* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
-   touch. Those of `there` are small. */
-ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 window, lanes_i there, Corners a, Corners b,
-                        Corners c, uint first, int phase, int facing, __global const uint *after)
+#if LANES == 8
+#define ABREAST 8
+typedef int8 some_i;
+typedef long8 some_l;
+typedef ulong8 Keys;
+#define bits_of_some bits_of_eight
+#else
+#define ABREAST 16
+typedef int16 some_i;
+typedef long16 some_l;
+typedef ulong16 Keys;
+#define bits_of_some(mask) (bits_of_eight((mask).lo) | bits_of_eight((mask).hi) << 8)
+#endif
+typedef Keys KeysThere __attribute__((aligned(8)));
+
+/* ABREAST samples that lie side by side in memory: those of some pixels of a row, or some of one pixel. */
+typedef struct {
+    int pixels, turns;                     // how many pixels, or how many times as many samples one has
+    some_i pixel, x, y;                    // of each: its pixel, and where it is from the middle of the first, in 1/SUBPIXEL
+} Row;
+
+INLINED Row row_of(const View *view, int turn)
+{
+    Row row;
+    const int samples = view->size.z;
+    row.pixels = samples < ABREAST ? ABREAST / samples : 1;
+    row.turns = samples < ABREAST ? 1 : samples / ABREAST;
+    for (int k = 0; k < ABREAST; ++k) {
+        const int2 offset = PATTERN[view->size.w + (turn * ABREAST + k) % samples];
+        LANE_I(row.pixel, k) = k / samples;
+        LANE_I(row.x, k) = k / samples * SUBPIXEL + offset.x;
+        LANE_I(row.y, k) = offset.y;
+    }
+    return row;
+}
+
+/* Twice the areas of an edge of a small triangle with samples of a row from the middle of a pixel on, less its bias. */
+INLINED some_i edge_in_row(int4 p, int4 q, int x, int y, const Row *row)
+{
+    return (int)(edge(p, q, x, y) + edge_bias(p, q)) + (q.x - p.x) * row->y - (q.y - p.y) * row->x;
+}
+
+/* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side; turn: see `Row`; alone: whether no
+   other work-item writes there. */
+INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0, int y0, int x1,
+                          int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing, __global const uint *after)
+{
+    const int samples = view->size.z, step = row->pixels * SUBPIXEL;
+    const int x_first = x0 * SUBPIXEL + SUBPIXEL / 2, y_first = y0 * SUBPIXEL + SUBPIXEL / 2;
+    some_i row_c = edge_in_row(a, b, x_first, y_first, row), row_a = edge_in_row(b, c, x_first, y_first, row);
+    some_i row_b = edge_in_row(c, a, x_first, y_first, row);
+    Plane plane;
+    some_l offsets;
+    bool known = false;                    // what planes are: many triangles hit no sample
+    for (int y = y0; y <= y1; ++y) {
+        some_i ec = row_c, ea = row_a, eb = row_b;
+        for (int x = x0; x <= x1; x += row->pixels) {
+            const some_i in = ((ec | ea | eb) >= 0) & (row->pixel <= x1 - x);
+            ec -= (b.y - a.y) * step;
+            ea -= (c.y - b.y) * step;
+            eb -= (a.y - c.y) * step;
+            uint bits = bits_of_some(in);
+            if (!bits)
+                continue;
+            if (!known) {
+                plane = plane_of(a, b, c, x0, y0);
+                offsets = __builtin_convertvector(row->x, some_l) * (long)plane.gx + __builtin_convertvector(row->y, some_l) * (long)plane.gy;
+                known = true;
+            }
+            const ulong d = plane.start + plane.gx * (ulong)(long)((x - x0) * SUBPIXEL)
+                + plane.gy * (ulong)(long)((y - y0) * SUBPIXEL);
+            const some_l depth = plane.z + ((offsets + (long)d) >> 14), most = depth < plane.farthest ? depth : plane.farthest;
+            const some_l depths = most < plane.nearest ? plane.nearest : most;
+            const size_t first = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + turn * ABREAST;
+            if (alone && !facing && x + row->pixels <= window.y) {
+                __global KeysThere *there = (__global KeysThere *)&visible[first];
+                const Keys keys = __builtin_convertvector(depths, Keys) << 32 | id, before = *there;
+                *there = __builtin_convertvector(in, some_l) & (keys < before) ? keys : before;
+                continue;
+            }
+            for (; bits; bits &= bits - 1) {
+                const int k = first_of(bits);
+                if (!facing || (uint)LANE_L(depths, k) > after[first + k])
+                    put(visible, first + k, (uint)LANE_L(depths, k), id, phase);
+            }
+        }
+        row_c += (b.x - a.x) * SUBPIXEL;
+        row_a += (c.x - b.x) * SUBPIXEL;
+        row_b += (a.x - c.x) * SUBPIXEL;
+    }
+}
+
+/* Small triangles, those of `there`, drawn as draw_triangle draws them; alone: whether no other work-item writes into the
+   window. */
+ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 window, bool alone, lanes_i there, Corners a,
+                     Corners b, Corners c, const uint *ids, int phase, int facing, __global const uint *after)
 {
     const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
     const Corners p = b, q = c;
@@ -189,7 +287,24 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
     there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
     if (facing)
         there &= swap;
-    if (!any_lane(there))
+    const lanes_i most = there ? (x1 - x0 + 1) * (y1 - y0 + 1) : I(0);
+    uint left = bits_of(there);
+    int sum = 0, number = 0;
+    for (uint bits = left; bits; bits &= bits - 1, ++number)
+        sum += LANE_I(most, first_of(bits));
+    if (sum * samples > MANY * number) {
+        for (int turn = 0, turns = 1; turn < turns; ++turn) {
+            const Row row = row_of(view, turn);
+            turns = row.turns;
+            for (uint bits = left; bits; bits &= bits - 1) {
+                const int k = first_of(bits);
+                draw_in_rows(visible, view, window, corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k),
+                             LANE_I(x1, k), LANE_I(y1, k), &row, turn, alone, BODY | ids[k], phase, facing, after);
+            }
+        }
+        return;
+    }
+    if (!left)
         return;
     const int wide = most_lane(there ? x1 - x0 : I(0)), high = most_lane(there ? y1 - y0 : I(0));
     const lanes_i ec_x = (b.y - a.y) * SUBPIXEL, ea_x = (c.y - b.y) * SUBPIXEL, eb_x = (a.y - c.y) * SUBPIXEL;
@@ -221,7 +336,7 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
                                               : here < plane->farthest ? here : plane->farthest);
                     const size_t sample = plane->at + from;
                     if (!facing || depth > after[sample])
-                        put(visible, sample, depth, BODY | (first + k), phase);
+                        put(visible, sample, depth, BODY | ids[k], phase);
                 }
                 ec -= ec_x;
                 ea -= ea_x;
@@ -233,3 +348,4 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
         }
     }
 }
+#endif

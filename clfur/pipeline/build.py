@@ -25,7 +25,7 @@ from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.maps import traits
-from ..stages.raster import nothing, raster
+from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, roots_of, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
@@ -221,9 +221,9 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
 
 def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
     """Depth and id of body or ground where they are nearest in each sample -> [rows, width, samples] uint64."""
-    visible = nothing(gpu, view)   # while the body is made ready
+    visible = None
     for part in plan.parts(gpu):
-        if part.body:
+        if part.body or visible is None:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
     return visible if plan.ground is None else ground.put(gpu, view, plan.ground, visible)
 

@@ -248,7 +248,7 @@ class Coverage:
             shade.uncover(gpu, band.visible, front.body_transmittance, image)
             image = shade.blend(gpu, sums, image)
         elif sums is not None:
-            image = shade.blend(gpu, sums, image, None, front.outputs["coverage"])
+            image = shade.blend(gpu, sums, image, front.outputs["coverage"])
         return image, known or {}
 
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:

@@ -13,6 +13,10 @@ VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
 LEFT = Declared("segment", np.uint32, 2)              # or triangle that takes too many steps of loops: see raster.cl
 CLIPPED = 14                                          # pieces of a triangle, at most
 SOME = 1 << 12                                        # of these there is room for at first
+REACHES = Declared("triangle", np.uint32)             # rows that it may touch
+SHARE = 512                                           # triangles that a work-item draws, or
+BANDS = 4                                             # of the picture for each core,
+AREA = 8                                              # where there are so many samples for a triangle
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
@@ -24,30 +28,47 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     pixel.  Equal depths go to the smaller id.  ``visible``: such an array to draw into, with what is there already.
     ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
-    visible = nothing(gpu, view) if visible is None else visible
+    width, _, samples, _ = (int(n) for n in view["size"])
+    rows = int(view["rows"][1] - view["rows"][0])
+    shape, n = (rows, width, samples), 0 if body is None else len(body.triangles)
+    fresh = visible is None and gpu.lanes > 1 and 0 < AREA * n <= math.prod(shape)   # `raster.bands` fills it
+    if visible is None:
+        visible = gpu.empty(shape, VISIBLE.dtype) if fresh else VISIBLE.empty(gpu, shape)
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
-            _body(gpu, view, body, after, phase, visible)
+            _body(gpu, view, body, after, phase, visible, fresh and not phase)
         if strands is not None and len(strands.points):
             _lines(gpu, view, strands, phase, visible)
     return visible
 
 
-def nothing(gpu: Any, view: np.void) -> Any:
-    """What `raster` gives of a view in which nothing is."""
-    return VISIBLE.empty(gpu, (int(view["rows"][1] - view["rows"][0]), int(view["size"][0]), int(view["size"][2])))
-
-
-def _body(gpu, view, body, after, phase, visible):
+def _body(gpu, view, body, after, phase, visible, fresh):
     """Draw triangles.  Where a driver ends long loops, large ones and those that are clipped window by window."""
     n, rows = len(body.triangles), len(visible)
-    bands = _bands(view, body) if not gpu.steps else 1
     known = {"view": view, "positions": body.positions, "triangles": body.triangles, "first": body.first_triangle,
              "facing": after is not None, "after": gpu.empty(0, np.uint32) if after is None else after, "phase": phase,
              "visible": visible}
-    left, n_left = _left(gpu, "raster.body", -(-n // gpu.lanes) * bands, n=n, band=-(-rows // bands),
-                         side=_side(gpu, view, 1), **known)
+    if gpu.lanes > 1:
+        if n:
+            _side_by_side(gpu, n, fresh, **known)
+        return
+    bands = _bands(view, body) if not gpu.steps else 1
+    left, n_left = _left(gpu, "raster.body", n * bands, n=n, band=-(-rows // bands), side=_side(gpu, view, 1), **known)
     _pieces(gpu, "raster.body_pieces", left, n_left, CLIPPED, **known)
+
+
+def _side_by_side(gpu, n, fresh, **known):
+    """Draw n triangles where samples are drawn side by side: each band of rows by one work-item, or some triangles by each,
+    where they are so small that to find those of a band would take longer."""
+    rows, in_bands = len(known["visible"]), AREA * n <= known["visible"].size
+    reaches = REACHES.empty(gpu, n + gpu.lanes - 1 if in_bands else 0)
+    if in_bands:
+        gpu.launch("raster.reach", -(-n // gpu.lanes), n=n, reaches=reaches,
+                   **{name: known[name] for name in ("view", "positions", "triangles")})
+    band = -(-rows // min(BANDS * gpu.device.max_compute_units, rows))
+    share = n if in_bands else SHARE
+    gpu.launch("raster.bands", -(-rows // band) if in_bands else -(-n // share), n=n, share=share, reaches=reaches, band=band,
+               fresh=fresh, **known)
 
 
 def _lines(gpu, view, strands, phase, visible):

@@ -87,18 +87,15 @@ def no_light(gpu: Any, rows: int, width: int) -> Any:
     return RADIANCE_SUMS.empty(gpu, (rows, width))
 
 
-def blend(gpu: Any, sums: Any, image: Any = None, strand_transmittance: Any = None, coverage: Any = None) -> Any:
+def blend(gpu: Any, sums: Any, image: Any = None, coverage: Any = None) -> Any:
     """Put sums of light over an ``image``, of shells -> [rows, width, 4] float32, linear, premultiplied.
 
     sums: [rows, width, 4] int64, see `no_light`.  image: as the result, nothing if None.
-    ``strand_transmittance``: [rows, width] float32, the share of the image's light that strands let through; all of it
-    if None.  ``coverage``: [rows, width] float32, the result's alpha; None: what all of them add up to.
+    ``coverage``: [rows, width] float32, the result's alpha; None: what all of them add up to.
     """
     rows, width, _ = sums.shape
     image = IMAGE.empty(gpu, (rows, width)) if image is None else image
-    gpu.launch("shade.blend", rows * width, radiance_sums=sums,
-               attenuated=strand_transmittance is not None,
-               strand_transmittance=_or_none(gpu, strand_transmittance), covered=coverage is not None,
+    gpu.launch("shade.blend", rows * width, radiance_sums=sums, covered=coverage is not None,
                coverage=_or_none(gpu, coverage), image=image)
     return image
 
