@@ -115,6 +115,45 @@ INLINED bool begin_again(Tile *t)
     return again;
 }
 
+/* Begin with the pixels of a tile, from pixel left, top on among those that are drawn. */
+ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+{
+    const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
+    const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    t->in_rows = lane < bottom ? I((1 << right) - 1) : I(0);
+    t->in_columns = lane < right ? I((1 << bottom) - 1) : I(0);
+    t->open = 0;
+    for (int p = 0; p < TILE * TILE; ++p) {
+        t->counts[p] = t->bounds[p] = 0;
+        t->lows[p] = key_at(slab.x);
+        t->limits[p] = t->end;
+    }
+    for (int y = 0; y < bottom; ++y) {
+        t->open |= ((1ul << right) - 1) << TILE * y;
+        for (int x = 0; x < right; ++x) {
+            const int p = TILE * y + x;
+            const uint bound = begin_pixel(&t->pixels[p], picture, (size_t)(top + y) * size.x + left + x);
+            t->bounds[p] = go_on_behind(&t->pixels[p], bound, picture->samples, slab, kept + OF_PIXEL * p);
+            t->pixels[p].number = p;
+            picture->glow->lights[p] = t->pixels[p].light;
+            if (RARELY(t->pixels[p].closed))
+                set_open(t, p, false);
+        }
+    }
+}
+
+ONCE void end_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+                     volatile __global uint *unfinished)
+{
+    const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
+    for (int y = 0; y < bottom; ++y)
+        for (int x = 0; x < right; ++x) {
+            const int p = TILE * y + x;
+            t->pixels[p].light = picture->glow->lights[p];
+            end_slab(&t->pixels[p], picture, slab, kept + OF_PIXEL * p, unfinished);
+        }
+}
+
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
 ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
@@ -248,8 +287,6 @@ ALONE BY_HAND __kernel void tiles(
     Tile t;
     t.left = view.rows.z + x * TILE;
     t.top = view.rows.x + y * TILE;
-    t.open = 0;
-    t.in_rows = t.in_columns = 0;
     t.dropped = false;
     const Lists lists = {n_lists, most_left, busy, again, overflows};
     t.overflow.lists = &lists;
@@ -266,19 +303,7 @@ ALONE BY_HAND __kernel void tiles(
         PREFETCH(ends + sorted[first + i].y);
         PREFETCH(ids + sorted[first + i].y);
     }
-    for (int p = 0; p < TILE * TILE; ++p) {
-        const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
-        t.counts[p] = t.bounds[p] = 0;
-        t.lows[p] = key_at(slab.x);
-        t.limits[p] = t.end;
-        if (px < size.x && py < size.y) {
-            t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + OF_PIXEL * p);
-            t.pixels[p].number = p;
-            glow.lights[p] = t.pixels[p].light;
-            set_open(&t, p, !t.pixels[p].closed);
-        }
-    }
+    begin_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept);
     if (n) {
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
         glow_all(&glow, &picture.sent);
@@ -291,10 +316,6 @@ ALONE BY_HAND __kernel void tiles(
         if (glow.first == NOTHING)             // it is drawn anew when there is light
             return;
     }
-    for (int p = 0; p < TILE * TILE; ++p)
-        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y) {
-            t.pixels[p].light = glow.lights[p];
-            end_slab(&t.pixels[p], &picture, slab, kept + OF_PIXEL * p, unfinished);
-        }
+    end_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept, unfinished);
 #endif
 }
