@@ -116,8 +116,9 @@ INLINED bool begin_again(Tile *t)
 }
 
 /* Begin with the pixels of a tile, from pixel left, top on among those that are drawn. */
-ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+ONCE void begin_pixels(Tile *t, const Picture *all, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
 {
+    const Picture here = *all, *const picture = &here;
     const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     t->in_rows = lane < bottom ? I((1 << right) - 1) : I(0);
@@ -142,10 +143,11 @@ ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int
     }
 }
 
-ONCE void end_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+ONCE void end_pixels(Tile *t, const Picture *all, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
                      volatile __global uint *unfinished)
 {
     const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
+    const Picture here = *all, *const picture = &here;
     for (int y = 0; y < bottom; ++y)
         for (int x = 0; x < right; ++x) {
             const int p = TILE * y + x;
@@ -306,6 +308,15 @@ ALONE BY_HAND __kernel void tiles(
     begin_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept);
     if (n) {
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        for (int row = 0; row < TILE && y * TILE + row < size.y; ++row) {
+            const size_t at = (size_t)(y * TILE + row) * size.x + x * TILE;
+            for (int k = 0; k < TILE * view.size.z; k += 16)
+                PREFETCH_TO_WRITE(body_transmittance + at * view.size.z + k);
+            PREFETCH_TO_WRITE(alpha + at);
+            PREFETCH_TO_WRITE(front + at);
+            for (int k = 0; lit && k < TILE; k += 4)
+                PREFETCH_TO_WRITE(image + at + k);
+        }
         glow_all(&glow, &picture.sent);
         give_list_back(&t.overflow);
     }
