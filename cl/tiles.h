@@ -116,9 +116,8 @@ INLINED bool begin_again(Tile *t)
 }
 
 /* Begin with the pixels of a tile, from pixel left, top on among those that are drawn. */
-ONCE void begin_pixels(Tile *t, const Picture *all, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+INLINED void begin_pixels_as(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
 {
-    const Picture here = *all, *const picture = &here;
     const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     t->in_rows = lane < bottom ? I((1 << right) - 1) : I(0);
@@ -143,17 +142,39 @@ ONCE void begin_pixels(Tile *t, const Picture *all, int2 size, int left, int top
     }
 }
 
-ONCE void end_pixels(Tile *t, const Picture *all, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+INLINED void end_pixels_as(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
                      volatile __global uint *unfinished)
 {
     const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
-    const Picture here = *all, *const picture = &here;
     for (int y = 0; y < bottom; ++y)
         for (int x = 0; x < right; ++x) {
             const int p = TILE * y + x;
             t->pixels[p].light = picture->glow->lights[p];
             end_slab(&t->pixels[p], picture, slab, kept + OF_PIXEL * p, unfinished);
         }
+}
+
+ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+{
+    Picture here = *picture;
+    if (here.samples == 4 && !here.has_shells) {
+        here.samples = 4;
+        here.has_shells = 0;
+        begin_pixels_as(t, &here, size, left, top, slab, kept);
+    } else
+        begin_pixels_as(t, &here, size, left, top, slab, kept);
+}
+
+ONCE void end_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+                     volatile __global uint *unfinished)
+{
+    Picture here = *picture;
+    if (here.samples == 4 && !here.has_shells) {
+        here.samples = 4;
+        here.has_shells = 0;
+        end_pixels_as(t, &here, size, left, top, slab, kept, unfinished);
+    } else
+        end_pixels_as(t, &here, size, left, top, slab, kept, unfinished);
 }
 
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
