@@ -154,27 +154,63 @@ INLINED void end_pixels_as(Tile *t, const Picture *picture, int2 size, int left,
         }
 }
 
+/* Pixels of a tile in which neither strands nor shells are. */
+INLINED void pass_pixels_as(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y)
+        for (int x = left; x < left + TILE && x < size.x; ++x)
+            pass_pixel(picture, (size_t)y * size.x + x);
+}
+
+/* Do something with a picture's pixels, of which a copy is `here`: the usual ones, with four samples and no shells, by code
+   of their own. */
+#define BY_KIND(picture, something)                \
+    {                                              \
+        Picture here = *(picture);                 \
+        if (here.samples == 4 && !here.has_shells) { \
+            here.samples = 4;                      \
+            here.has_shells = 0;                   \
+            something;                             \
+        } else                                     \
+            something;                             \
+    }
+
 ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
 {
-    Picture here = *picture;
-    if (here.samples == 4 && !here.has_shells) {
-        here.samples = 4;
-        here.has_shells = 0;
-        begin_pixels_as(t, &here, size, left, top, slab, kept);
-    } else
-        begin_pixels_as(t, &here, size, left, top, slab, kept);
+    BY_KIND(picture, begin_pixels_as(t, &here, size, left, top, slab, kept))
 }
 
 ONCE void end_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
                      volatile __global uint *unfinished)
 {
-    Picture here = *picture;
-    if (here.samples == 4 && !here.has_shells) {
-        here.samples = 4;
-        here.has_shells = 0;
-        end_pixels_as(t, &here, size, left, top, slab, kept, unfinished);
-    } else
-        end_pixels_as(t, &here, size, left, top, slab, kept, unfinished);
+    BY_KIND(picture, end_pixels_as(t, &here, size, left, top, slab, kept, unfinished))
+}
+
+ONCE void pass_pixels(const Picture *picture, int2 size, int left, int top)
+{
+    BY_KIND(picture, pass_pixels_as(&here, size, left, top))
+}
+
+/* Samples of the body in a tile are on their way. */
+INLINED void fetch_samples(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y)
+        for (int k = 0; k < TILE * picture->samples; k += 8)
+            PREFETCH(picture->visible + ((size_t)y * size.x + left) * picture->samples + k);
+}
+
+/* And what is written of its pixels. */
+INLINED void fetch_pixels(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y) {
+        const size_t at = (size_t)y * size.x + left;
+        for (int k = 0; k < TILE * picture->samples; k += 16)
+            PREFETCH_TO_WRITE(picture->body_transmittance + at * picture->samples + k);
+        PREFETCH_TO_WRITE(picture->alpha + at);
+        PREFETCH_TO_WRITE(picture->front + at);
+        for (int k = 0; picture->lit && k < TILE; k += 4)
+            PREFETCH_TO_WRITE(picture->image + at + k);
+    }
 }
 
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
@@ -302,9 +338,9 @@ ALONE BY_HAND __kernel void tiles(
         return;
     }
     if (!n && !has_shells && !slab.x && slab.y == NOTHING) {
-        for (int py = y * TILE; py < (y + 1) * TILE && py < size.y; ++py)
-            for (int px = x * TILE; px < (x + 1) * TILE && px < size.x; ++px)
-                pass_pixel(&picture, (size_t)py * size.x + px);
+        fetch_samples(&picture, size, x * TILE, y * TILE);
+        fetch_pixels(&picture, size, x * TILE, y * TILE);
+        pass_pixels(&picture, size, x * TILE, y * TILE);
         return;
     }
     Tile t;
@@ -316,9 +352,7 @@ ALONE BY_HAND __kernel void tiles(
     t.overflow.list = NO_LIST;
     t.overflow.n = 0;
     t.end = key_at(slab.y);
-    for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
-        for (int k = 0; k < TILE * view.size.z; k += 8)
-            PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
+    fetch_samples(&picture, size, x * TILE, y * TILE);
     uint2 grain = 0;
     if (n)
         grain = sort_list(entries + first, n, sorted + first);
@@ -329,15 +363,7 @@ ALONE BY_HAND __kernel void tiles(
     begin_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept);
     if (n) {
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
-        for (int row = 0; row < TILE && y * TILE + row < size.y; ++row) {
-            const size_t at = (size_t)(y * TILE + row) * size.x + x * TILE;
-            for (int k = 0; k < TILE * view.size.z; k += 16)
-                PREFETCH_TO_WRITE(body_transmittance + at * view.size.z + k);
-            PREFETCH_TO_WRITE(alpha + at);
-            PREFETCH_TO_WRITE(front + at);
-            for (int k = 0; lit && k < TILE; k += 4)
-                PREFETCH_TO_WRITE(image + at + k);
-        }
+        fetch_pixels(&picture, size, x * TILE, y * TILE);
         glow_all(&glow, &picture.sent);
         give_list_back(&t.overflow);
     }
