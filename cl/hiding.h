@@ -464,26 +464,31 @@ INLINED void put_four(__global float *to, float4 four, int samples)
 INLINED void end_pixel(Pixel *p, const Picture *picture)
 {
     const int samples = picture->samples;
-    ulong body = ~0ul, shell = ~0ul;
-    float rest = 0.0f;
-    pass_events(p, picture, NOTHING - 1);
-    for (int k = 0; k < samples; k += 4) {
+    const float kept = p->kept;
+    ulong best = p->best, shell = ~0ul;
+    if (picture->has_shells)
+        pass_events(p, picture, NOTHING - 1);
+    float rest = 0.0f, of_body = p->of_body;
+    for (int k = 0; k < samples; k += 4) {   // as `pass_events` would do it
         const FourSamples *four = &p->fours[k / 4];
-        rest = plus_four(rest, four->open);
-        put_four(picture->body_transmittance + p->at * samples + k, four->through, samples);
+        const float4 open = four->open;
+        const int4 on = four->bodies < NOTHING;
+        of_body = plus_four(of_body, on ? open * kept : 0.0f);
+        rest = plus_four(rest, on ? 0.0f : open);
+        put_four(picture->body_transmittance + p->at * samples + k, on ? open * samples * kept : four->through, samples);
     }
-    const float alpha = 1.0f - rest * p->kept;
+    const float alpha = 1.0f - rest * kept;
     picture->alpha[p->at] = alpha;
-    if (p->of_body >= p->most && p->of_body > 0.0f) {
+    const bool is_body = of_body >= p->most && of_body > 0.0f;
+    if (is_body) {
+        best = ~0ul;
         for (size_t sample = p->at * samples; sample < (p->at + 1) * samples; ++sample)
-            body = picture->visible[sample] < body ? picture->visible[sample] : body;
-        p->most = p->of_body;
-        p->best = body;
+            best = picture->visible[sample] < best ? picture->visible[sample] : best;
     }
     for (size_t sample = p->at * samples; picture->has_shells && sample < (p->at + 1) * samples; ++sample)
         shell = picture->sample_shells[sample] < shell ? picture->sample_shells[sample] : shell;
-    const bool is_shell = p->of_shells > p->most && shell != ~0ul;
-    picture->front[p->at] = is_shell ? ~0ul : p->best;
+    const bool is_shell = p->of_shells > (is_body ? of_body : p->most) && shell != ~0ul;
+    picture->front[p->at] = is_shell ? ~0ul : best;
     if (picture->has_shells)
         picture->shell_front[p->at] = is_shell ? shell : ~0ul;
     if (picture->lit) {
