@@ -6,6 +6,7 @@
 #include "tile.h"
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
+#define SHORT 1024           // lists of so many are sorted into private memory: no line of it is fetched first
 
 /* Sort a tile's list into buckets by depth, about as many as segments, FINE at most -> the least depth, and the bits below a
    bucket's. */
@@ -261,7 +262,7 @@ ALONE BY_HAND __kernel void tiles(
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
-    __global uint2 *sorted,                // the same, by depth
+    __global uint2 *sorted,                // the same, by depth, of lists that are not SHORT
     __global const float8 *ends,           // [survivors] of segments, see `fill`
     __global const uint *ids,
     __global const uint *cuts,
@@ -355,16 +356,18 @@ ALONE BY_HAND __kernel void tiles(
     t.overflow.n = 0;
     t.end = key_at(slab.y);
     fetch_samples(&picture, size, x * TILE, y * TILE);
+    uint2 near[SHORT] ALIGNED;
+    __global uint2 *list = n <= SHORT ? (__global uint2 *)(size_t)near : sorted + first;
     uint2 grain = 0;
     if (n)
-        grain = sort_list(entries + first, n, sorted + first);
+        grain = sort_list(entries + first, n, list);
     for (uint i = 0; i < n && i < CHUNK; ++i) {   // while pixels begin
-        PREFETCH(ends + sorted[first + i].y);
-        PREFETCH(ids + sorted[first + i].y);
+        PREFETCH(ends + list[i].y);
+        PREFETCH(ids + list[i].y);
     }
     begin_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept);
     if (n) {
-        go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        go_through(&t, &view, &picture, list, n, grain, ends, ids, cuts);
         fetch_pixels(&picture, size, x * TILE, y * TILE);
         glow_all(&glow, &picture.sent);
         give_list_back(&t.overflow);
