@@ -15,6 +15,7 @@
 #define OF_PIECE PIECE
 #endif
 
+#define BEHIND_ALL (NOTHING - 1)     // depth of shells that hide what is behind but have none themselves
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -205,7 +206,7 @@ INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
             float4 through = (float4)(let[0], let[more], let[2 * more], let[3 * more]);
             through = there ? through : 1.0f;
             four->through = through;
-            four->shells = through < 1.0f ? lesser_four(shells, bodies) : NOTHING;
+            four->shells = through < 1.0f ? lesser_four(lesser_four(shells, bodies), BEHIND_ALL) : NOTHING;
             p->all_shells = plus_four(p->all_shells, (1.0f - through) / samples);
         }
         const uint least = least_of(lesser_four(bodies, four->shells));
@@ -467,7 +468,7 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
     const float kept = p->kept;
     ulong best = p->best, shell = ~0ul;
     if (picture->has_shells)
-        pass_events(p, picture, NOTHING - 1);
+        pass_events(p, picture, BEHIND_ALL);
     float rest = 0.0f, of_body = p->of_body;
     for (int k = 0; k < samples; k += 4) {   // as `pass_events` would do it
         const FourSamples *four = &p->fours[k / 4];
