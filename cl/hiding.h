@@ -15,6 +15,7 @@
 #define OF_PIECE PIECE
 #endif
 
+#define BEHIND_ALL (NOTHING - 1)     // depth of shells that hide what is behind but have none themselves
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -64,25 +65,29 @@ typedef struct {
         COPY_STRIP(to, i, from, j)            \
     }
 
-/* One pixel on its way. */
+/* FourSamples samples of a pixel; where it has but one, the others are nothing. */
 typedef struct {
-    size_t at;                       // in the picture
-    float kept, room, most, of_body, of_shells, all_shells;   // light that strands let through; share of samples that are open;
-                                     // of what fills most of it; of body and shells; that these hide in all
-    float4 light;
-    ulong best;                      // of what fills most of it so far, strands alone
+    uint4 bodies, shells;            // depths where samples end, and where they go on behind shells; NOTHING: they don't, or have
+    float4 open, through;            // share of the pixel that goes on; of the body's light that shells let through, and
+                                     // strands where it has ended
+} FourSamples;
+
+/* One pixel on its way: first what each piece asks. */
+typedef struct {
+    float kept, room, most;          // light that strands let through; share of samples that are open; of what fills most of it
+    uint next;                       // depth of `fours` that comes next
+    ulong best;                      // what fills most of it so far, strands alone
+    uint chains, oldest;
     uint8 lows, highs;               // numbers of each chain's pieces
     float8 sums;                     // and what they cover
-    uint chains, oldest;
-    int event, events;               // samples end, or go on behind shells: the next one
-    uint depths[2 * SAMPLES];        // where, in order
-    uchar which[2 * SAMPLES];        // 2 · sample + 1 where it ends
-    float open[SAMPLES];             // share of the pixel that goes on
-    float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
+    size_t at;                       // in the picture
     bool closed;
 #if LANES > 1
     uchar number;                    // in its tile
 #endif
+    float of_body, of_shells, all_shells;   // what these fill of it; that shells hide in all
+    float4 light;
+    FourSamples fours[SAMPLES / 4];
 #if MASKS
     float left[PATCHES] ALIGNED;     // what strands let through of each patch; `kept` is the mean
     float covered[CHAINS][PATCHES] ALIGNED;   // what each chain's pieces cover of them
@@ -116,21 +121,60 @@ typedef char a_pixel_fits[sizeof(Pixel) <= 16 * OF_PIXEL ? 1 : -1];
         (to)->sums = (from)->sums;                 \
         (to)->chains = (from)->chains;             \
         (to)->oldest = (from)->oldest;             \
-        (to)->event = (from)->event;               \
+        (to)->next = (from)->next;                 \
         (to)->closed = (from)->closed;             \
         COPY_PATCHES(to, from)                     \
-        for (int j = 0; j < samples; ++j) {        \
-            (to)->open[j] = (from)->open[j];       \
-            (to)->through[j] = (from)->through[j]; \
+        for (int j = 0; j < samples; j += 4) {     \
+            (to)->fours[j / 4].bodies = (from)->fours[j / 4].bodies;   \
+            (to)->fours[j / 4].shells = (from)->fours[j / 4].shells;   \
+            (to)->fours[j / 4].open = (from)->fours[j / 4].open;       \
+            (to)->fours[j / 4].through = (from)->fours[j / 4].through; \
         }                                          \
     }
+
+typedef ulong4 ulong4_at_8 __attribute__((aligned(8)));
+typedef float4 float4_at_4 __attribute__((aligned(4)));
+
+/* Of the keys of four samples, or of one sample four times, the depths. */
+INLINED uint4 four_depths(__global const ulong *keys, int samples)
+{
+#if LANES > 1
+    if (samples > 1)
+        return as_uint8(*(__global const ulong4_at_8 *)keys).odd;
+#endif
+    const int more = samples > 1;
+    return (uint4)(keys[0] >> 32, keys[more] >> 32, keys[2 * more] >> 32, keys[3 * more] >> 32);
+}
+
+INLINED uint4 lesser_four(uint4 a, uint4 b)
+{
+    return a < b ? a : b;
+}
+
+INLINED uint least_of(uint4 a)
+{
+    const uint2 b = a.lo < a.hi ? a.lo : a.hi;
+    return b.x < b.y ? b.x : b.y;
+}
+
+INLINED uint most_of(uint4 a)
+{
+    const uint2 b = a.lo > a.hi ? a.lo : a.hi;
+    return b.x > b.y ? b.x : b.y;
+}
+
+/* sum + a.x + a.y + a.z + a.w, one after the other. */
+INLINED float plus_four(float sum, float4 a)
+{
+    return (((sum + a.x) + a.y) + a.z) + a.w;
+}
 
 /* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
 INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
 {
     const int samples = picture->samples;
-    uint furthest = 0;
-    int events = 0;
+    const int4 there = (int4)(0, 1, 2, 3) < samples;
+    uint furthest = 0, next = NOTHING;
     p->at = at;
     p->kept = p->room = 1.0f;
     p->most = p->of_body = p->of_shells = p->all_shells = 0.0f;
@@ -140,59 +184,72 @@ INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
     p->highs = 0;
     p->sums = 0.0f;
     p->chains = p->oldest = 0;
-    p->event = 0;
     p->closed = false;
 #if MASKS
     for (int i = 0; i < PATCHES; ++i)
         p->left[i] = 1.0f;
 #endif
-    for (int s = 0; s < samples; ++s) {
-        const size_t sample = at * samples + s;
-        const uint body = picture->visible[sample] >> 32;
-        furthest = body > furthest ? body : furthest;
-        p->open[s] = 1.0f / samples;
-        p->through[s] = picture->has_shells ? picture->body_transmittance[sample] : 1.0f;
-        p->all_shells += (1.0f - p->through[s]) / samples;
-        for (int kind = picture->has_shells ? 0 : 1; kind < 2; ++kind) {
-            uint depth = body;
-            if (!kind) {
-                const uint shell = picture->sample_shells[sample] >> 32;
-                depth = shell < depth ? shell : depth;
-                if (!(p->through[s] < 1.0f))
-                    continue;
-            } else if (depth == NOTHING) {
-                continue;
-            }
-            int k = events++;
-            for (; k > 0 && p->depths[k - 1] > depth; --k) {
-                p->depths[k] = p->depths[k - 1];
-                p->which[k] = p->which[k - 1];
-            }
-            p->depths[k] = depth;
-            p->which[k] = 2 * s + kind;
+    for (int k = 0; k < samples; k += 4) {
+        FourSamples *four = &p->fours[k / 4];
+        const size_t sample = at * samples + k;
+        const uint4 depths = four_depths(picture->visible + sample, samples), bodies = there ? depths : NOTHING;
+        const uint most = most_of(depths);
+        furthest = most > furthest ? most : furthest;
+        four->bodies = bodies;
+        four->shells = NOTHING;
+        four->open = there ? 1.0f / samples : 0.0f;
+        four->through = 1.0f;
+        if (picture->has_shells) {
+            const uint4 shells = four_depths(picture->sample_shells + sample, samples);
+            __global const float *let = picture->body_transmittance + sample;
+            const int more = samples > 1;
+            float4 through = (float4)(let[0], let[more], let[2 * more], let[3 * more]);
+            through = there ? through : 1.0f;
+            four->through = through;
+            four->shells = through < 1.0f ? lesser_four(lesser_four(shells, bodies), BEHIND_ALL) : NOTHING;
+            p->all_shells = plus_four(p->all_shells, (1.0f - through) / samples);
         }
+        const uint least = least_of(lesser_four(bodies, four->shells));
+        next = least < next ? least : next;
     }
-    p->events = events;
+    p->next = next;
     return furthest;
 }
 
-/* The next sample ends, or goes on behind shells. */
-INLINED void pass_event(Pixel *p, int samples)
+/* Samples end, or go on behind shells, whose depths are `until` at most. */
+INLINED void pass_events(Pixel *p, const Picture *picture, uint until)
 {
-    const int s = p->which[p->event] / 2;
-    if (p->which[p->event] & 1) {
-        p->through[s] = p->open[s] * samples * p->kept;
-        p->of_body += p->open[s] * p->kept;
-        p->open[s] = 0.0f;
-    } else {
-        p->of_shells += p->open[s] * (1.0f - p->through[s]) * p->kept;
-        p->open[s] *= p->through[s];
+    const int samples = picture->samples;
+    while (p->next <= until) {
+        /* One depth after the other where they take different shares; which of equal shares is first is no matter. */
+        const uint last = picture->has_shells ? p->next : until;
+        uint next = NOTHING;
+        float room = 0.0f;
+        for (int k = 0; k < samples; k += 4) {
+            FourSamples *four = &p->fours[k / 4];
+            float4 open = four->open, through = four->through;
+            uint4 bodies = four->bodies;
+            if (picture->has_shells) {
+                const uint4 shells = four->shells;
+                const int4 on = shells <= last;
+                p->of_shells = plus_four(p->of_shells, on ? open * (1.0f - through) * p->kept : 0.0f);
+                open = on ? open * through : open;
+                four->shells = on ? NOTHING : shells;
+                const uint least = least_of(four->shells);
+                next = least < next ? least : next;
+            }
+            const int4 on = bodies <= last;
+            p->of_body = plus_four(p->of_body, on ? open * p->kept : 0.0f);
+            four->through = on ? open * samples * p->kept : through;
+            four->open = open = on ? 0.0f : open;
+            four->bodies = bodies = on ? NOTHING : bodies;
+            const uint least = least_of(bodies);
+            next = least < next ? least : next;
+            room = plus_four(room, open);
+        }
+        p->next = next;
+        p->room = room;
     }
-    ++p->event;
-    float room = 0.0f;
-    for (int k = 0; k < samples; ++k)
-        room += p->open[k];
-    p->room = room;
 }
 
 INLINED int first_lane(uint8 mask)
@@ -349,9 +406,9 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     while (more && i < n && slots->keys[order[i]] < until) {
         const int j = order[i];
         const long key = slots->keys[j];
-        if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
+        if (p->next <= (uint)(key >> 32)) {
             p->kept = hot->kept;
-            pass_event(p, picture->samples);
+            pass_events(p, picture, (uint)(key >> 32));
             hot->room = p->room;
             more = hot->kept * hot->room > UNSEEN;
             continue;
@@ -388,30 +445,51 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     return left;
 }
 
+INLINED void put_four(__global float *to, float4 four, int samples)
+{
+#if LANES > 1
+    if (samples > 1) {
+        *(__global float4_at_4 *)to = four;
+        return;
+    }
+#endif
+    to[0] = four.x;
+    if (samples > 1) {
+        to[1] = four.y;
+        to[2] = four.z;
+        to[3] = four.w;
+    }
+}
+
 /* All strands are hidden: samples that are left end, and what fills most of the pixel is known. */
 INLINED void end_pixel(Pixel *p, const Picture *picture)
 {
     const int samples = picture->samples;
-    ulong body = ~0ul, shell = ~0ul;
-    float rest = 0.0f;
-    while (p->event < p->events)
-        pass_event(p, samples);
-    for (int s = 0; s < samples; ++s) {
-        const size_t sample = p->at * samples + s;
-        body = picture->visible[sample] < body ? picture->visible[sample] : body;
-        if (picture->has_shells)
-            shell = picture->sample_shells[sample] < shell ? picture->sample_shells[sample] : shell;
-        rest += p->open[s];
-        picture->body_transmittance[sample] = p->through[s];
+    const float kept = p->kept;
+    ulong best = p->best, shell = ~0ul;
+    if (picture->has_shells)
+        pass_events(p, picture, BEHIND_ALL);
+    float rest = 0.0f, of_body = p->of_body;
+    for (int k = 0; k < samples; k += 4) {   // as `pass_events` would do it
+        const FourSamples *four = &p->fours[k / 4];
+        const float4 open = four->open;
+        const int4 on = four->bodies < NOTHING;
+        of_body = plus_four(of_body, on ? open * kept : 0.0f);
+        rest = plus_four(rest, on ? 0.0f : open);
+        put_four(picture->body_transmittance + p->at * samples + k, on ? open * samples * kept : four->through, samples);
     }
-    const float alpha = 1.0f - rest * p->kept;
+    const float alpha = 1.0f - rest * kept;
     picture->alpha[p->at] = alpha;
-    if (p->of_body >= p->most && p->of_body > 0.0f) {
-        p->most = p->of_body;
-        p->best = body;
+    const bool is_body = of_body >= p->most && of_body > 0.0f;
+    if (is_body) {
+        best = ~0ul;
+        for (size_t sample = p->at * samples; sample < (p->at + 1) * samples; ++sample)
+            best = picture->visible[sample] < best ? picture->visible[sample] : best;
     }
-    const bool is_shell = p->of_shells > p->most && shell != ~0ul;
-    picture->front[p->at] = is_shell ? ~0ul : p->best;
+    for (size_t sample = p->at * samples; picture->has_shells && sample < (p->at + 1) * samples; ++sample)
+        shell = picture->sample_shells[sample] < shell ? picture->sample_shells[sample] : shell;
+    const bool is_shell = p->of_shells > (is_body ? of_body : p->most) && shell != ~0ul;
+    picture->front[p->at] = is_shell ? ~0ul : best;
     if (picture->has_shells)
         picture->shell_front[p->at] = is_shell ? shell : ~0ul;
     if (picture->lit) {

@@ -6,6 +6,7 @@
 #include "tile.h"
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
+#define SHORT 1024           // lists of so many are sorted into private memory: no line of it is fetched first
 
 /* Sort a tile's list into buckets by depth, about as many as segments, FINE at most -> the least depth, and the bits below a
    bucket's. */
@@ -37,10 +38,12 @@ ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sort
 /* Settle all pixels as far as nothing before `until` is still to come -> whether any is still open. */
 INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 {
-    for (ulong left = t->open; left; left &= left - 1) {
+    const lanes_i least = I(until == LONG_MAX ? 1 : SLOTS / 4);
+    ulong left = 0;
+    for (int y = 0; y < TILE; ++y)
+        left |= (ulong)bits_of(*(const lanes_i *)(t->counts + TILE * y) >= least) << TILE * y;
+    for (left &= t->open; left; left &= left - 1) {
         const int p = __builtin_ctzl(left);
-        if (t->counts[p] < SLOTS / 4 && until != LONG_MAX)
-            continue;
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
         if (t->pixels[p].closed)
@@ -115,6 +118,104 @@ INLINED bool begin_again(Tile *t)
     return again;
 }
 
+/* Begin with the pixels of a tile, from pixel left, top on among those that are drawn. */
+INLINED void begin_pixels_as(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+{
+    const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
+    const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    t->in_rows = lane < bottom ? I((1 << right) - 1) : I(0);
+    t->in_columns = lane < right ? I((1 << bottom) - 1) : I(0);
+    t->open = 0;
+    for (int p = 0; p < TILE * TILE; ++p) {
+        t->counts[p] = t->bounds[p] = 0;
+        t->lows[p] = key_at(slab.x);
+        t->limits[p] = t->end;
+    }
+    for (int y = 0; y < bottom; ++y) {
+        t->open |= ((1ul << right) - 1) << TILE * y;
+        for (int x = 0; x < right; ++x) {
+            const int p = TILE * y + x;
+            const uint bound = begin_pixel(&t->pixels[p], picture, (size_t)(top + y) * size.x + left + x);
+            t->bounds[p] = go_on_behind(&t->pixels[p], bound, picture->samples, slab, kept + OF_PIXEL * p);
+            t->pixels[p].number = p;
+            picture->glow->lights[p] = t->pixels[p].light;
+            if (RARELY(t->pixels[p].closed))
+                set_open(t, p, false);
+        }
+    }
+}
+
+INLINED void end_pixels_as(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+                     volatile __global uint *unfinished)
+{
+    const int right = size.x - left < TILE ? size.x - left : TILE, bottom = size.y - top < TILE ? size.y - top : TILE;
+    for (int y = 0; y < bottom; ++y)
+        for (int x = 0; x < right; ++x) {
+            const int p = TILE * y + x;
+            t->pixels[p].light = picture->glow->lights[p];
+            end_slab(&t->pixels[p], picture, slab, kept + OF_PIXEL * p, unfinished);
+        }
+}
+
+/* Pixels of a tile in which neither strands nor shells are. */
+INLINED void pass_pixels_as(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y)
+        for (int x = left; x < left + TILE && x < size.x; ++x)
+            pass_pixel(picture, (size_t)y * size.x + x);
+}
+
+/* Do something with a picture's pixels, of which a copy is `here`: the usual ones, with four samples and no shells, by code
+   of their own. */
+#define BY_KIND(picture, something)                \
+    {                                              \
+        Picture here = *(picture);                 \
+        if (here.samples == 4 && !here.has_shells) { \
+            here.samples = 4;                      \
+            here.has_shells = 0;                   \
+            something;                             \
+        } else                                     \
+            something;                             \
+    }
+
+ONCE void begin_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global const uint4 *kept)
+{
+    BY_KIND(picture, begin_pixels_as(t, &here, size, left, top, slab, kept))
+}
+
+ONCE void end_pixels(Tile *t, const Picture *picture, int2 size, int left, int top, uint2 slab, __global uint4 *kept,
+                     volatile __global uint *unfinished)
+{
+    BY_KIND(picture, end_pixels_as(t, &here, size, left, top, slab, kept, unfinished))
+}
+
+ONCE void pass_pixels(const Picture *picture, int2 size, int left, int top)
+{
+    BY_KIND(picture, pass_pixels_as(&here, size, left, top))
+}
+
+/* Samples of the body in a tile are on their way. */
+INLINED void fetch_samples(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y)
+        for (int k = 0; k < TILE * picture->samples; k += 8)
+            PREFETCH(picture->visible + ((size_t)y * size.x + left) * picture->samples + k);
+}
+
+/* And what is written of its pixels. */
+INLINED void fetch_pixels(const Picture *picture, int2 size, int left, int top)
+{
+    for (int y = top; y < top + TILE && y < size.y; ++y) {
+        const size_t at = (size_t)y * size.x + left;
+        for (int k = 0; k < TILE * picture->samples; k += 16)
+            PREFETCH_TO_WRITE(picture->body_transmittance + at * picture->samples + k);
+        PREFETCH_TO_WRITE(picture->alpha + at);
+        PREFETCH_TO_WRITE(picture->front + at);
+        for (int k = 0; picture->lit && k < TILE; k += 4)
+            PREFETCH_TO_WRITE(picture->image + at + k);
+    }
+}
+
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
 ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
@@ -161,7 +262,7 @@ ALONE BY_HAND __kernel void tiles(
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
-    __global uint2 *sorted,                // the same, by depth
+    __global uint2 *sorted,                // the same, by depth, of lists that are not SHORT
     __global const float8 *ends,           // [survivors] of segments, see `fill`
     __global const uint *ids,
     __global const uint *cuts,
@@ -240,47 +341,34 @@ ALONE BY_HAND __kernel void tiles(
         return;
     }
     if (!n && !has_shells && !slab.x && slab.y == NOTHING) {
-        for (int py = y * TILE; py < (y + 1) * TILE && py < size.y; ++py)
-            for (int px = x * TILE; px < (x + 1) * TILE && px < size.x; ++px)
-                pass_pixel(&picture, (size_t)py * size.x + px);
+        fetch_samples(&picture, size, x * TILE, y * TILE);
+        fetch_pixels(&picture, size, x * TILE, y * TILE);
+        pass_pixels(&picture, size, x * TILE, y * TILE);
         return;
     }
     Tile t;
     t.left = view.rows.z + x * TILE;
     t.top = view.rows.x + y * TILE;
-    t.open = 0;
-    t.in_rows = t.in_columns = 0;
     t.dropped = false;
     const Lists lists = {n_lists, most_left, busy, again, overflows};
     t.overflow.lists = &lists;
     t.overflow.list = NO_LIST;
     t.overflow.n = 0;
     t.end = key_at(slab.y);
-    for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
-        for (int k = 0; k < TILE * view.size.z; k += 8)
-            PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
+    fetch_samples(&picture, size, x * TILE, y * TILE);
+    uint2 near[SHORT] ALIGNED;
+    __global uint2 *list = n <= SHORT ? (__global uint2 *)(size_t)near : sorted + first;
     uint2 grain = 0;
     if (n)
-        grain = sort_list(entries + first, n, sorted + first);
+        grain = sort_list(entries + first, n, list);
     for (uint i = 0; i < n && i < CHUNK; ++i) {   // while pixels begin
-        PREFETCH(ends + sorted[first + i].y);
-        PREFETCH(ids + sorted[first + i].y);
+        PREFETCH(ends + list[i].y);
+        PREFETCH(ids + list[i].y);
     }
-    for (int p = 0; p < TILE * TILE; ++p) {
-        const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
-        t.counts[p] = t.bounds[p] = 0;
-        t.lows[p] = key_at(slab.x);
-        t.limits[p] = t.end;
-        if (px < size.x && py < size.y) {
-            t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + OF_PIXEL * p);
-            t.pixels[p].number = p;
-            glow.lights[p] = t.pixels[p].light;
-            set_open(&t, p, !t.pixels[p].closed);
-        }
-    }
+    begin_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept);
     if (n) {
-        go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        go_through(&t, &view, &picture, list, n, grain, ends, ids, cuts);
+        fetch_pixels(&picture, size, x * TILE, y * TILE);
         glow_all(&glow, &picture.sent);
         give_list_back(&t.overflow);
     }
@@ -291,10 +379,6 @@ ALONE BY_HAND __kernel void tiles(
         if (glow.first == NOTHING)             // it is drawn anew when there is light
             return;
     }
-    for (int p = 0; p < TILE * TILE; ++p)
-        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y) {
-            t.pixels[p].light = glow.lights[p];
-            end_slab(&t.pixels[p], &picture, slab, kept + OF_PIXEL * p, unfinished);
-        }
+    end_pixels(&t, &picture, size, x * TILE, y * TILE, slab, kept, unfinished);
 #endif
 }
