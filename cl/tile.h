@@ -36,8 +36,15 @@ INLINED lanes_i before(lanes x, int first)
     return WHOLE(from > 0.0f ? from < TILE ? from : F(TILE) : F(0.0f));
 }
 
-/* Pixels of a tile in which n segments may lie, a bit each. */
-INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels)
+/* What a tile looks at of a chunk. */
+typedef struct {
+    lanes_l pixels[CHUNK / LANES];         // of the tile in which each segment may lie, a bit each
+    int firsts[CHUNK] ALIGNED;             // of four columns along its longer axis, from the tile's first on, that hold all it
+                                           // touches; or below 0: it touches more, or it leans
+} Looked;
+
+/* Where in a tile n segments may lie. */
+INLINED void look_at(const Tile *t, const Chunk *chunk, int n, Looked *looked)
 {
 #define GET(member) (*(const lanes *)(chunk->member + i))
     for (int i = 0; i < n; i += LANES) {
@@ -51,7 +58,11 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
         const lanes_i top = before(steep ? first : low, t->top), bottom = before(steep ? last : high, t->top);
         const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
         const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
-        pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
+        looked->pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
+        const lanes_i start = steep ? top : left, from_four = start < TILE / 2 ? start : I(TILE / 2);
+        const lanes beyond = bu - REAL(from_four + TILE / 2 + (steep ? t->top : t->left));
+        const lanes_i few = (out == 0.0f) & ((beyond <= 0.0f) | (from_four == TILE / 2));
+        *(lanes_i *)(looked->firsts + i) = few ? from_four : I(-1);
     }
 }
 
@@ -121,40 +132,70 @@ INLINED void put_pieces(Tile *t, Drawing *drawing)
     drawing->n = 0;
 }
 
+/* Put what is looked at of segment i of a chunk into a row that waits: columns u, rows v. */
+INLINED void cover(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v,
+                   lanes share, lanes_i on)
+{
+    const int steep = chunk->steep[i], u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
+    Covered *row = &drawing->rows[drawing->n];
+    *(lanes *)row->shares = share;
+    *(lanes_i *)row->wheres = place_in(column, v);
+    *(lanes_i *)row->depths = column->depth;
+    *(lanes_i *)row->places = u * u_stride + v * v_stride - (t->top * TILE + t->left);
+    row->id = chunk->id[i];
+    row->number = chunk->number[i];
+    row->on = bits_of(on & (share > 0.0f));
+    ++drawing->n;
+}
+
 /* Look at segment i of a chunk, which leans or not: eight columns side by side, row by row. */
 INLINED void draw_as(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, const bool wide)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
-    const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const lanes_i u = (int8)(0, 1, 2, 3, 4, 5, 6, 7) + u0;
     Column column;
     Outline outline;
     if (wide)
-        outline_of(chunk, i, view, lane + u0, &column, &outline);
+        outline_of(chunk, i, view, u, &column, &outline);
     else
-        column_of(chunk, i, view, lane + u0, &column);
+        column_of(chunk, i, view, u, &column);
     lanes_i v = column.low > v0 ? column.low : v0;
     const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
     const lanes_i on = (column.along > 0.0f) & (v < bottom);
     /* Open pixels of each column that it may touch, from row v on. */
     lanes_i todo = on & ((steep ? t->in_rows : t->in_columns) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
-    const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
     for (; any_lane(todo); v += 1, todo >>= 1) {
-        Covered *row = &drawing->rows[drawing->n];
-        const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
-        *(lanes *)row->shares = share;
-        *(lanes_i *)row->wheres = place_in(&column, v);
-        *(lanes_i *)row->depths = column.depth;
-        *(lanes_i *)row->places = lane * u_stride + (v - v0) * v_stride;
-        row->id = chunk->id[i];
-        row->number = chunk->number[i];
 #if MASKS
         if (wide)
-            leaning_strips_of(chunk, i, &column, lane + u0, v, row->strips);
+            leaning_strips_of(chunk, i, &column, u, v, drawing->rows[drawing->n].strips);
         else
-            strips_of(chunk, i, &column, lane + u0, v, row->strips);
+            strips_of(chunk, i, &column, u, v, drawing->rows[drawing->n].strips);
 #endif
-        row->on = bits_of(((todo & 1) != 0) & (share > 0.0f));
-        ++drawing->n;
+        const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
+        cover(t, drawing, chunk, i, &column, u, v, share, (todo & 1) != 0);
+    }
+    if (drawing->n > MOST_COVERED - TILE)
+        put_pieces(t, drawing);
+}
+
+/* Look at segment i of a chunk in four columns from the tile's `first` on: two rows of each side by side. */
+INLINED void draw_few(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, int first)
+{
+    const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
+    const lanes_i u = (int8)(0, 1, 2, 3, 0, 1, 2, 3) + (u0 + first), second = (int8)(0, 0, 0, 0, 1, 1, 1, 1);
+    Column column;
+    column_of(chunk, i, view, u, &column);
+    const lanes_i top = column.low > v0 ? column.low : v0;
+    const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
+    const lanes_i on = (column.along > 0.0f) & (top < bottom);
+    const int4 four = *(const int4 *)((const int *)(steep ? &t->in_rows : &t->in_columns) + first);
+    lanes_i v = top + second;
+    lanes_i todo = on & ((lanes_i)(four, four) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
+    for (; any_lane(todo); v += 2, todo >>= 2) {
+#if MASKS
+        strips_of(chunk, i, &column, u, v, drawing->rows[drawing->n].strips);
+#endif
+        cover(t, drawing, chunk, i, &column, u, v, share_of(&column, v), (todo & 1) != 0);
     }
     if (drawing->n > MOST_COVERED - TILE)
         put_pieces(t, drawing);
