@@ -121,36 +121,13 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
 {
     Chunk chunk;
     Drawing drawing;
-    drawing.n = 0;
-    Looked looked;
-    int drawn[2][CHUNK];                       // segments in few columns, and others
+    drawing.n = drawing.n_pieces = 0;
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && (t->overflow.list < 0 ? fullest < SLOTS / 2 : t->overflow.n < t->overflow.goal);) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
-            look_at(t, &chunk, m, &looked);
-            int few = 0, others = 0;
-            for (int i = 0; i < m; ++i) {
-                const bool on = (((const ulong *)looked.pixels)[i] & t->open) != 0, is_few = looked.firsts[i] >= 0;
-                drawn[0][few] = drawn[1][others] = i;
-                few += on & is_few;
-                others += on & !is_few;
-            }
-            const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
-            for (int k = 0; k < few; ++k) {
-                const int i = drawn[0][k];
-                if (fetch)
-                    PREFETCH(places_of(&picture->sent, chunk.number[i]));
-                draw_few(t, &drawing, view, &chunk, i, looked.firsts[i]);
-            }
-            for (int k = 0; k < others; ++k) {
-                const int i = drawn[1][k];
-                if (fetch)
-                    PREFETCH(places_of(&picture->sent, chunk.number[i]));
-                draw(t, &drawing, view, &chunk, i);
-            }
-            put_pieces(t, &drawing);
+            draw_all(t, &drawing, view, picture, &chunk, m);
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
