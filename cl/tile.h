@@ -266,6 +266,7 @@ ONCE void draw_all(Tile *t, Drawing *drawing, const View *view, const Picture *p
             left += draw_two(t, drawing, view, chunk, i, 0, skip, false);
         }
         drawn.n_many = left;
-        put_pieces(t, drawing);
+        if (!(drawn.n_few | left) || drawing->n + drawn.n_few + 2 * left > MOST_COVERED)
+            put_pieces(t, drawing);
     }
 }
