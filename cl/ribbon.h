@@ -299,12 +299,20 @@ INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2
         lanes c[8], from = F(0.0f), until = F(0xFFFF * (1.0f / 65535.0f));   // see WHOLE_WAY
         lanes_u leans = U(0);
         uint cut_off = 0;
-        if (i + LANES + CHUNK <= left)
+#if LANES > 1
+        if (i + LANES + CHUNK <= left)         // of the next chunk, from far away
             #pragma unroll
             for (int k = 0; k < LANES; ++k) {
                 PREFETCH(ends + list[i + k + CHUNK].y);
                 PREFETCH(ids + list[i + k + CHUNK].y);
             }
+        if (i + 2 * LANES < n)                 // from near: what was drawn since has taken their places
+            #pragma unroll
+            for (int k = 0; k < LANES; ++k) {
+                PREFETCH(ends + chunk->number[i + 2 * LANES + k]);
+                PREFETCH(ids + chunk->number[i + 2 * LANES + k]);
+            }
+#endif
         #pragma unroll
         for (int k = 0; k < LANES; ++k) {
             const uint number = chunk->number[i + k], id = ids[number];

@@ -237,36 +237,39 @@ INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const C
     return any_lane(todo >> 2);
 }
 
-/* Draw the m segments of a chunk. */
-ONCE void draw_all(Tile *t, Drawing *drawing, const View *view, const Picture *picture, const Chunk *chunk, int m)
+/* Draw the next m segments of a tile's list, in which so many are left. */
+ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *picture, __global const uint2 *list, int m, uint left,
+               __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
+    Chunk chunk;
     const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
     Drawn drawn;
-    look_at(t, chunk, m, &drawn);
+    prepare(&chunk, view, list, m, left, ends, ids, cuts);
+    look_at(t, &chunk, m, &drawn);
     for (int k = 0; k < drawn.n_leaning; ++k)
-        draw_leaning(t, drawing, view, chunk, drawn.leaning[k]);
+        draw_leaning(t, drawing, view, &chunk, drawn.leaning[k]);
     if (drawn.n_leaning)
         put_pieces(t, drawing);
     for (int skip = 0; drawn.n_few | drawn.n_many; skip += 2) {
-        int left = 0;
+        int n = 0;
         for (int k = 0; k < drawn.n_few; ++k) {
             const int i = drawn.few[k];
             if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk->number[i]));
-            drawn.few[left] = i;
-            left += draw_two(t, drawing, view, chunk, i, drawn.firsts[i], skip, true);
+                PREFETCH(places_of(&picture->sent, chunk.number[i]));
+            drawn.few[n] = i;
+            n += draw_two(t, drawing, view, &chunk, i, drawn.firsts[i], skip, true);
         }
-        drawn.n_few = left;
-        left = 0;
+        drawn.n_few = n;
+        n = 0;
         for (int k = 0; k < drawn.n_many; ++k) {
             const int i = drawn.many[k];
             if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk->number[i]));
-            drawn.many[left] = i;
-            left += draw_two(t, drawing, view, chunk, i, 0, skip, false);
+                PREFETCH(places_of(&picture->sent, chunk.number[i]));
+            drawn.many[n] = i;
+            n += draw_two(t, drawing, view, &chunk, i, 0, skip, false);
         }
-        drawn.n_many = left;
-        if (!(drawn.n_few | left) || drawing->n + drawn.n_few + 2 * left > MOST_COVERED)
+        drawn.n_many = n;
+        if (!(drawn.n_few | n) || drawing->n + drawn.n_few + 2 * n > MOST_COVERED)
             put_pieces(t, drawing);
     }
 }

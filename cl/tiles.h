@@ -119,15 +119,13 @@ INLINED bool begin_again(Tile *t)
 ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
-    Chunk chunk;
     Drawing drawing;
     drawing.n = drawing.n_pieces = 0;
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && (t->overflow.list < 0 ? fullest < SLOTS / 2 : t->overflow.n < t->overflow.goal);) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
-            prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
-            draw_all(t, &drawing, view, picture, &chunk, m);
+            draw(t, &drawing, view, picture, sorted + next, m, n - next, ends, ids, cuts);
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
