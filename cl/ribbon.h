@@ -397,11 +397,18 @@ INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u
     column->high = below_or_at((v0 < v1 ? v1 : v0) + radius) + 1;
     looked_at(c, i, view, uf, e, column);
 }
+
+/* Share of pixels that lies between two edges, half a width below and above the middle, which runs from c0 to c1. */
+INLINED lanes share_between(lanes along, lanes c0, lanes c1, lanes radius)
+{
+    return along * (below(c0 + radius, c1 + radius) - below(c0 - radius, c1 - radius));
+}
+
 /* Share of the pixels in rows v. */
 INLINED lanes share_of(const Column *c, lanes_i v)
 {
-    const lanes vf = REAL(v), c0 = c->v0 - vf, c1 = c->v1 - vf;   // exact near the strand, so that a thin one is as wide as it is
-    return c->along * (below(c0 + c->radius, c1 + c->radius) - below(c0 - c->radius, c1 - c->radius));
+    const lanes vf = REAL(v);              // exact near the strand, so that a thin one is as wide as it is
+    return share_between(c->along, c->v0 - vf, c->v1 - vf, c->radius);
 }
 
 /* Whether segment i of a chunk leans: then it has an `Outline` too. */

@@ -124,6 +124,9 @@ typedef struct {
     float8 strips[MOST_COVERED * LANES];
 #endif
     ushort pieces[(MOST_COVERED + 1) * LANES];       // in which something is covered
+    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // middles, and half widths, of rows of
+    float radii[MOST_COVERED * LANES] ALIGNED;       // which no share is known so far, but how long they are
+    uint on[MOST_COVERED];                           // of these, where there may be one, a bit each
     int n, n_pieces;                                 // rows, and these
 } Drawing;
 
@@ -163,19 +166,48 @@ ONCE void put_pieces(Tile *t, Drawing *drawing)
     drawing->n = drawing->n_pieces = 0;
 }
 
-/* What segment i of a chunk covers in columns u and rows v, those that are on, waits. */
-INLINED void cover(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v,
-                   lanes share, lanes_i on)
+/* Let row n be of segment i of a chunk in columns u and rows v. */
+INLINED void begin_row(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v)
 {
     const int u_stride = chunk->steep[i] ? TILE : 1, v_stride = chunk->steep[i] ? 1 : TILE, at = drawing->n * LANES;
-    *(lanes *)(drawing->shares + at) = share;
     const lanes_i pixel = u * u_stride + v * v_stride - (t->top * TILE + t->left);
     *(lanes_i *)(drawing->wheres + at) = place_in(column, v) | pixel << 16;
     *(lanes_i *)(drawing->depths + at) = column->depth;
     drawing->ids[drawing->n] = chunk->id[i];
     drawing->numbers[drawing->n] = chunk->number[i];
-    drawing->n_pieces += list_lanes(drawing->pieces + drawing->n_pieces, bits_of(on & (share > 0.0f)), at);
-    ++drawing->n;
+}
+
+/* Row n has its shares. */
+INLINED void end_row(Drawing *drawing, int n, lanes share, uint on)
+{
+    *(lanes *)(drawing->shares + n * LANES) = share;
+    drawing->n_pieces += list_lanes(drawing->pieces + drawing->n_pieces, bits_of(share > 0.0f) & on, n * LANES);
+}
+
+/* A row waits for its shares, if any are on. */
+INLINED void wait_for_shares(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v,
+                             lanes_i on)
+{
+    const int at = drawing->n * LANES;
+    const lanes vf = REAL(v);              // as in `share_of`
+    begin_row(t, drawing, chunk, i, column, u, v);
+#if MASKS
+    strips_of(chunk, i, column, u, v, drawing->strips + at);
+#endif
+    *(lanes *)(drawing->shares + at) = column->along;
+    *(lanes *)(drawing->starts + at) = column->v0 - vf;
+    *(lanes *)(drawing->stops + at) = column->v1 - vf;
+    *(lanes *)(drawing->radii + at) = column->radius;
+    drawing->on[drawing->n] = bits_of(on);
+    drawing->n += any_lane(on);
+}
+
+/* Rows from one on get their shares. */
+INLINED void find_shares(Drawing *drawing, int first)
+{
+#define OF(member) (*(const lanes *)(drawing->member + n * LANES))
+    for (int n = first; n < drawing->n; ++n)
+        end_row(drawing, n, share_between(OF(shares), OF(starts), OF(stops), OF(radii)), drawing->on[n]);
 }
 
 /* Open pixels of columns from row v on that a segment may touch, a bit each; open: all of each column's; v0: the tile's
@@ -198,10 +230,11 @@ ONCE void draw_leaning(Tile *t, Drawing *drawing, const View *view, const Chunk 
     lanes_i v = column.low > v0 ? column.low : v0;
     lanes_i todo = to_do(&column, steep ? t->in_rows : t->in_columns, v, v0);
     for (; any_lane(todo); v += 1, todo >>= 1) {
+        begin_row(t, drawing, chunk, i, &column, u, v);
 #if MASKS
         leaning_strips_of(chunk, i, &column, u, v, drawing->strips + drawing->n * LANES);
 #endif
-        cover(t, drawing, chunk, i, &column, u, v, share_within(&outline, v), (todo & 1) != 0);
+        end_row(drawing, drawing->n++, share_within(&outline, v), bits_of((todo & 1) != 0));
     }
     if (drawing->n > MOST_COVERED - TILE)
         put_pieces(t, drawing);
@@ -220,19 +253,11 @@ INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const C
     column_of(chunk, i, view, u, &column);
     const lanes_i top = (column.low > v0 ? column.low : v0) + skip, todo = to_do(&column, open, top, v0);
     if (few) {
-        const lanes_i v = top + (lanes_i)(0, 0, 0, 0, 1, 1, 1, 1), on = todo & (lanes_i)(1, 1, 1, 1, 2, 2, 2, 2);
-#if MASKS
-        strips_of(chunk, i, &column, u, v, drawing->strips + drawing->n * LANES);
-#endif
-        cover(t, drawing, chunk, i, &column, u, v, share_of(&column, v), on != 0);
+        const lanes_i second = (lanes_i)(0, 0, 0, 0, 1, 1, 1, 1);
+        wait_for_shares(t, drawing, chunk, i, &column, u, top + second, (todo >> second & 1) != 0);
     } else {
-        #pragma unroll
-        for (int k = 0; k < 2; ++k) {
-#if MASKS
-            strips_of(chunk, i, &column, u, top + k, drawing->strips + drawing->n * LANES);
-#endif
-            cover(t, drawing, chunk, i, &column, u, top + k, share_of(&column, top + k), (todo & 1 << k) != 0);
-        }
+        wait_for_shares(t, drawing, chunk, i, &column, u, top, (todo & 1) != 0);
+        wait_for_shares(t, drawing, chunk, i, &column, u, top + 1, (todo & 2) != 0);
     }
     return any_lane(todo >> 2);
 }
@@ -251,7 +276,7 @@ ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *pictu
     if (drawn.n_leaning)
         put_pieces(t, drawing);
     for (int skip = 0; drawn.n_few | drawn.n_many; skip += 2) {
-        int n = 0;
+        int n = 0, first = drawing->n;
         for (int k = 0; k < drawn.n_few; ++k) {
             const int i = drawn.few[k];
             if (fetch)
@@ -260,6 +285,8 @@ ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *pictu
             n += draw_two(t, drawing, view, &chunk, i, drawn.firsts[i], skip, true);
         }
         drawn.n_few = n;
+        find_shares(drawing, first);
+        first = drawing->n;
         n = 0;
         for (int k = 0; k < drawn.n_many; ++k) {
             const int i = drawn.many[k];
@@ -269,6 +296,7 @@ ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *pictu
             n += draw_two(t, drawing, view, &chunk, i, 0, skip, false);
         }
         drawn.n_many = n;
+        find_shares(drawing, first);
         if (!(drawn.n_few | n) || drawing->n + drawn.n_few + 2 * n > MOST_COVERED)
             put_pieces(t, drawing);
     }
