@@ -290,28 +290,42 @@ INLINED lanes_i put_ends(CHUNKS Chunk *chunk, int i, const lanes *c, lanes_u lea
 INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2 *list, int n, uint left,
                      __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
+    for (int i = 0; i < n; ++i)
+        chunk->number[i] = list[i].y;
+    for (int i = n; i % LANES; ++i)
+        chunk->number[i] = list[0].y;
     for (int i = 0; i < n; i += LANES) {
         float8 rows[LANES];
         lanes c[8], from = F(0.0f), until = F(0xFFFF * (1.0f / 65535.0f));   // see WHOLE_WAY
         lanes_u leans = U(0);
         uint cut_off = 0;
-        #pragma unroll
-        for (int k = 0; k < LANES; ++k) {
-            const uint number = list[i + k < n ? i + k : i].y, id = ids[number];
-            if (i + k + CHUNK < left) {
+#if LANES > 1
+        if (i + LANES + CHUNK <= left)         // of the next chunk, from far away
+            #pragma unroll
+            for (int k = 0; k < LANES; ++k) {
                 PREFETCH(ends + list[i + k + CHUNK].y);
                 PREFETCH(ids + list[i + k + CHUNK].y);
             }
-            chunk->number[i + k] = number;
-            chunk->id[i + k] = id & ~CLIPPED;
-            cut_off |= id & CLIPPED;
+        if (i + 2 * LANES < n)                 // from near: what was drawn since has taken their places
+            #pragma unroll
+            for (int k = 0; k < LANES; ++k) {
+                PREFETCH(ends + chunk->number[i + 2 * LANES + k]);
+                PREFETCH(ids + chunk->number[i + 2 * LANES + k]);
+            }
+#endif
+        #pragma unroll
+        for (int k = 0; k < LANES; ++k) {
+            const uint number = chunk->number[i + k], id = ids[number];
+            chunk->id[i + k] = id;
+            cut_off |= id;
             rows[k] = ends[number];
         }
         columns_of(rows, c);
-        if (cut_off || any_lane(greater(c[3], c[7]) > WIDE))
+        if ((cut_off & CLIPPED) || any_lane(greater(c[3], c[7]) > WIDE))
             for (int k = 0; k < LANES; ++k) {
-                const uint number = list[i + k < n ? i + k : i].y, cut = cuts[number];
-                const bool clipped = ids[number] & CLIPPED;
+                const uint number = chunk->number[i + k], cut = cuts[number];
+                const bool clipped = chunk->id[i + k] & CLIPPED;
+                chunk->id[i + k] &= ~CLIPPED;
                 LANE(from, k) = clipped ? (cut & 0xFFFF) * (1.0f / 65535.0f) : LANE(from, k);
                 LANE(until, k) = clipped ? (cut >> 16) * (1.0f / 65535.0f) : LANE(until, k);
                 LANE_U(leans, k) = clipped ? 0 : cut;
@@ -383,11 +397,18 @@ INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u
     column->high = below_or_at((v0 < v1 ? v1 : v0) + radius) + 1;
     looked_at(c, i, view, uf, e, column);
 }
+
+/* Share of pixels that lies between two edges, half a width below and above the middle, which runs from c0 to c1. */
+INLINED lanes share_between(lanes along, lanes c0, lanes c1, lanes radius)
+{
+    return along * (below(c0 + radius, c1 + radius) - below(c0 - radius, c1 - radius));
+}
+
 /* Share of the pixels in rows v. */
 INLINED lanes share_of(const Column *c, lanes_i v)
 {
-    const lanes vf = REAL(v), c0 = c->v0 - vf, c1 = c->v1 - vf;   // exact near the strand, so that a thin one is as wide as it is
-    return c->along * (below(c0 + c->radius, c1 + c->radius) - below(c0 - c->radius, c1 - c->radius));
+    const lanes vf = REAL(v);              // exact near the strand, so that a thin one is as wide as it is
+    return share_between(c->along, c->v0 - vf, c->v1 - vf, c->radius);
 }
 
 /* Whether segment i of a chunk leans: then it has an `Outline` too. */

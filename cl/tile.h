@@ -36,11 +36,39 @@ INLINED lanes_i before(lanes x, int first)
     return WHOLE(from > 0.0f ? from < TILE ? from : F(TILE) : F(0.0f));
 }
 
-/* Pixels of a tile in which n segments may lie, a bit each. */
-INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels)
+typedef ushort8 __attribute__((aligned(2))) Numbers;
+
+/* List the lanes that are on, from number `first` on -> how many.  LANES are written. */
+INLINED int list_lanes(ushort *to, uint bits, int first)
+{
+#ifdef __BMI2__
+    const ulong bytes = __builtin_ia32_pdep_di(bits, 0x0101010101010101ul) * 0xFF;
+    const uchar8 lanes = as_uchar8(__builtin_ia32_pext_di(0x0706050403020100ul, bytes));
+    *(Numbers *)to = __builtin_convertvector(lanes, ushort8) + (ushort)first;
+    return __builtin_popcount(bits);
+#else
+    int n = 0;
+    for (int k = 0; k < LANES; ++k) {
+        to[n] = first + k;
+        n += bits >> k & 1;
+    }
+    return n;
+#endif
+}
+
+/* Segments of a chunk that are drawn, by how many columns of the tile they touch along their longer axis. */
+typedef struct {
+    ushort few[CHUNK + LANES], many[CHUNK + LANES], leaning[CHUNK + LANES];   // four at most; more; those that lean
+    int n_few, n_many, n_leaning;
+    int firsts[CHUNK] ALIGNED;             // of each of the few, four columns that hold these: the first one in the tile
+} Drawn;
+
+/* List those of m segments that may lie in open pixels. */
+INLINED void look_at(const Tile *t, const Chunk *chunk, int m, Drawn *drawn)
 {
 #define GET(member) (*(const lanes *)(chunk->member + i))
-    for (int i = 0; i < n; i += LANES) {
+    drawn->n_few = drawn->n_many = drawn->n_leaning = 0;
+    for (int i = 0; i < m; i += LANES) {
         const lanes_i steep = *(const lanes_i *)(chunk->steep + i);
         const lanes au = GET(au), bu = GET(bu), av = GET(av), length = bu - au, bv = av + GET(slope) * length;
         const lanes ar = GET(ar), reach = GET(tilt) * greater(ar, ar + GET(r_step) * length) + 0.1f;   // and some for rounding
@@ -51,7 +79,16 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
         const lanes_i top = before(steep ? first : low, t->top), bottom = before(steep ? last : high, t->top);
         const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
         const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
-        pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
+        const lanes_l pixels = row & ((one << until << until) - (one << from << from)) & (long)t->open;
+        const lanes_i start = steep ? top : left, of_few = start < TILE / 2 ? start : I(TILE / 2);
+        const lanes_i few = (of_few == TILE / 2) | (bu <= REAL(of_few + TILE / 2 + (steep ? t->top : t->left)));
+        const uint all = m - i < LANES ? (1u << m - i) - 1 : (1u << LANES) - 1;
+        const uint on = bits_of(TO(lanes_i, pixels != 0)) & all, lean = bits_of(out > 0.0f), narrow = bits_of(few) & ~lean;
+        *(lanes_i *)(drawn->firsts + i) = of_few;
+        drawn->n_few += list_lanes(drawn->few + drawn->n_few, on & narrow, i);
+        drawn->n_many += list_lanes(drawn->many + drawn->n_many, on & ~(narrow | lean), i);
+        if (lean)
+            drawn->n_leaning += list_lanes(drawn->leaning + drawn->n_leaning, on & lean, i);
     }
 }
 
@@ -76,100 +113,191 @@ ONCE void make_room(Tile *t)
 
 #define MOST_COVERED (2 * CHUNK)   // rows that wait
 
-/* What a segment covers in a row of columns, or a column of rows. */
+/* What segments cover in rows of LANES pixels each: all are looked at first, and put into slots then, without branches that
+   would be foreseen wrong. */
 typedef struct {
-    float shares[LANES] ALIGNED;
-    uint wheres[LANES] ALIGNED, depths[LANES] ALIGNED;
-    int places[LANES] ALIGNED;             // pixels in the tile
-    uint id, number;
+    float shares[MOST_COVERED * LANES] ALIGNED;
+    uint wheres[MOST_COVERED * LANES] ALIGNED;       // on the segment, and << 16 the pixel in the tile
+    uint depths[MOST_COVERED * LANES] ALIGNED;
+    uint ids[MOST_COVERED], numbers[MOST_COVERED];   // of each row's segment
 #if MASKS
-    float8 strips[LANES];
+    float8 strips[MOST_COVERED * LANES];
 #endif
-    int on;                                // those in which it covers something, a bit each
-} Covered;
-
-/* All a chunk's segments are looked at first, and put into slots then: what is foreseen wrong of one keeps none waiting. */
-typedef struct {
-    Covered rows[MOST_COVERED];
-    int n;
+    ushort pieces[(MOST_COVERED + 1) * LANES];       // in which something is covered
+    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // middles, and half widths, of rows of
+    float radii[MOST_COVERED * LANES] ALIGNED;       // which no share is known so far, but how long they are
+    uint on[MOST_COVERED];                           // of these, where there may be one, a bit each
+    int n, n_pieces;                                 // rows, and these
 } Drawing;
 
-/* Put pieces into slots: each is written, and counted if it is seen, without a branch. */
-INLINED void put_pieces(Tile *t, Drawing *drawing)
+/* How many keys from `lows` on each pixel takes. */
+INLINED void tell_ranges(const Tile *t, ulong *ranges)
 {
-    for (int i = 0; i < drawing->n; ++i) {
-        const Covered *row = &drawing->rows[i];
-        int full = 0;
-        for (int left = row->on; left; left &= left - 1) {
-            const int k = __builtin_ctz(left), p = row->places[k], n = t->counts[p];
-            const long key = (long)((ulong)row->depths[k] << 32 | row->id);
-            Slots *slots = &t->slots[p];
-            slots->keys[n] = key;
-            slots->shares[n] = row->shares[k];
-            slots->wheres[n] = row->wheres[k];
-            slots->numbers[n] = row->number;
-#if MASKS
-            *(float8 *)&slots->strips[n] = row->strips[k];
-#endif
-            const int m = n + ((row->depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
-            t->counts[p] = m;
-            full |= m == SLOTS;
-        }
-        if (full)                          // of a pixel there was one piece: it still had a slot
-            make_room(t);
+    for (int p = 0; p < TILE * TILE; ++p) {
+        const ulong bound = (ulong)t->bounds[p] << 32, limit = t->limits[p], most = bound < limit ? bound : limit, low = t->lows[p];
+        ranges[p] = most > low ? most - low : 0;
     }
-    drawing->n = 0;
 }
 
-/* Look at segment i of a chunk, which leans or not: eight columns side by side, row by row. */
-INLINED void draw_as(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, const bool wide)
+/* Put pieces into slots: each is written, and counted if it is seen, without a branch. */
+ONCE void put_pieces(Tile *t, Drawing *drawing)
+{
+    ulong ranges[TILE * TILE] ALIGNED;
+    const uint n_pieces = drawing->n_pieces;
+    tell_ranges(t, ranges);
+    for (uint i = 0; i < n_pieces; ++i) {
+        const uint k = drawing->pieces[i], where = drawing->wheres[k], p = where >> 16, n = t->counts[p];
+        const ulong key = (ulong)drawing->depths[k] << 32 | drawing->ids[k / LANES];
+        Slots *slots = &t->slots[p];
+        slots->keys[n] = (long)key;
+        slots->shares[n] = drawing->shares[k];
+        slots->wheres[n] = where;
+        slots->numbers[n] = drawing->numbers[k / LANES];
+#if MASKS
+        *(float8 *)&slots->strips[n] = drawing->strips[k];
+#endif
+        const uint m = n + (key - (ulong)t->lows[p] < ranges[p]);
+        t->counts[p] = m;
+        if (RARELY(m == SLOTS)) {
+            make_room(t);
+            tell_ranges(t, ranges);
+        }
+    }
+    drawing->n = drawing->n_pieces = 0;
+}
+
+/* Let row n be of segment i of a chunk in columns u and rows v. */
+INLINED void begin_row(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v)
+{
+    const int u_stride = chunk->steep[i] ? TILE : 1, v_stride = chunk->steep[i] ? 1 : TILE, at = drawing->n * LANES;
+    const lanes_i pixel = u * u_stride + v * v_stride - (t->top * TILE + t->left);
+    *(lanes_i *)(drawing->wheres + at) = place_in(column, v) | pixel << 16;
+    *(lanes_i *)(drawing->depths + at) = column->depth;
+    drawing->ids[drawing->n] = chunk->id[i];
+    drawing->numbers[drawing->n] = chunk->number[i];
+}
+
+/* Row n has its shares. */
+INLINED void end_row(Drawing *drawing, int n, lanes share, uint on)
+{
+    *(lanes *)(drawing->shares + n * LANES) = share;
+    drawing->n_pieces += list_lanes(drawing->pieces + drawing->n_pieces, bits_of(share > 0.0f) & on, n * LANES);
+}
+
+/* A row waits for its shares, if any are on. */
+INLINED void wait_for_shares(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v,
+                             lanes_i on)
+{
+    const int at = drawing->n * LANES;
+    const lanes vf = REAL(v);              // as in `share_of`
+    begin_row(t, drawing, chunk, i, column, u, v);
+#if MASKS
+    strips_of(chunk, i, column, u, v, drawing->strips + at);
+#endif
+    *(lanes *)(drawing->shares + at) = column->along;
+    *(lanes *)(drawing->starts + at) = column->v0 - vf;
+    *(lanes *)(drawing->stops + at) = column->v1 - vf;
+    *(lanes *)(drawing->radii + at) = column->radius;
+    drawing->on[drawing->n] = bits_of(on);
+    drawing->n += any_lane(on);
+}
+
+/* Rows from one on get their shares. */
+INLINED void find_shares(Drawing *drawing, int first)
+{
+#define OF(member) (*(const lanes *)(drawing->member + n * LANES))
+    for (int n = first; n < drawing->n; ++n)
+        end_row(drawing, n, share_between(OF(shares), OF(starts), OF(stops), OF(radii)), drawing->on[n]);
+}
+
+/* Open pixels of columns from row v on that a segment may touch, a bit each; open: all of each column's; v0: the tile's
+   first row. */
+INLINED lanes_i to_do(const Column *column, lanes_i open, lanes_i v, int v0)
+{
+    const lanes_i bottom = column->high < v0 + TILE ? column->high : v0 + TILE;
+    const lanes_i on = (column->along > 0.0f) & (v < bottom);
+    return on & (open & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
+}
+
+/* Look at segment i of a chunk, which leans: eight columns side by side, row by row.  They are few, and take more registers. */
+ONCE void draw_leaning(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
-    const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const lanes_i u = (int8)(0, 1, 2, 3, 4, 5, 6, 7) + u0;
     Column column;
     Outline outline;
-    if (wide)
-        outline_of(chunk, i, view, lane + u0, &column, &outline);
-    else
-        column_of(chunk, i, view, lane + u0, &column);
+    outline_of(chunk, i, view, u, &column, &outline);
     lanes_i v = column.low > v0 ? column.low : v0;
-    const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
-    const lanes_i on = (column.along > 0.0f) & (v < bottom);
-    /* Open pixels of each column that it may touch, from row v on. */
-    lanes_i todo = on & ((steep ? t->in_rows : t->in_columns) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
-    const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
+    lanes_i todo = to_do(&column, steep ? t->in_rows : t->in_columns, v, v0);
     for (; any_lane(todo); v += 1, todo >>= 1) {
-        Covered *row = &drawing->rows[drawing->n];
-        const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
-        *(lanes *)row->shares = share;
-        *(lanes_i *)row->wheres = place_in(&column, v);
-        *(lanes_i *)row->depths = column.depth;
-        *(lanes_i *)row->places = lane * u_stride + (v - v0) * v_stride;
-        row->id = chunk->id[i];
-        row->number = chunk->number[i];
+        begin_row(t, drawing, chunk, i, &column, u, v);
 #if MASKS
-        if (wide)
-            leaning_strips_of(chunk, i, &column, lane + u0, v, row->strips);
-        else
-            strips_of(chunk, i, &column, lane + u0, v, row->strips);
+        leaning_strips_of(chunk, i, &column, u, v, drawing->strips + drawing->n * LANES);
 #endif
-        row->on = bits_of(((todo & 1) != 0) & (share > 0.0f));
-        ++drawing->n;
+        end_row(drawing, drawing->n++, share_within(&outline, v), bits_of((todo & 1) != 0));
     }
     if (drawing->n > MOST_COVERED - TILE)
         put_pieces(t, drawing);
 }
 
-/* Those that lean are few, and take more registers. */
-ONCE void draw_wide(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i)
+/* Look at two rows of each column of segment i of a chunk, after `skip` others: eight columns side by side, or four from the
+   tile's `first` on and both rows -> whether there are more. */
+INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, int first, int skip,
+                      const bool few)
 {
-    draw_as(t, drawing, view, chunk, i, true);
+    const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
+    const int *opens = (const int *)(steep ? &t->in_rows : &t->in_columns);
+    const lanes_i u = (few ? (lanes_i)(0, 1, 2, 3, 0, 1, 2, 3) + first : (lanes_i)(0, 1, 2, 3, 4, 5, 6, 7)) + u0;
+    const lanes_i open = few ? (lanes_i)(*(const int4 *)(opens + first), *(const int4 *)(opens + first)) : *(const lanes_i *)opens;
+    Column column;
+    column_of(chunk, i, view, u, &column);
+    const lanes_i top = (column.low > v0 ? column.low : v0) + skip, todo = to_do(&column, open, top, v0);
+    if (few) {
+        const lanes_i second = (lanes_i)(0, 0, 0, 0, 1, 1, 1, 1);
+        wait_for_shares(t, drawing, chunk, i, &column, u, top + second, (todo >> second & 1) != 0);
+    } else {
+        wait_for_shares(t, drawing, chunk, i, &column, u, top, (todo & 1) != 0);
+        wait_for_shares(t, drawing, chunk, i, &column, u, top + 1, (todo & 2) != 0);
+    }
+    return any_lane(todo >> 2);
 }
 
-INLINED void draw(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i)
+/* Draw the next m segments of a tile's list, in which so many are left. */
+ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *picture, __global const uint2 *list, int m, uint left,
+               __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
-    if (leans(chunk, i))
-        draw_wide(t, drawing, view, chunk, i);
-    else
-        draw_as(t, drawing, view, chunk, i, false);
+    Chunk chunk;
+    const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
+    Drawn drawn;
+    prepare(&chunk, view, list, m, left, ends, ids, cuts);
+    look_at(t, &chunk, m, &drawn);
+    for (int k = 0; k < drawn.n_leaning; ++k)
+        draw_leaning(t, drawing, view, &chunk, drawn.leaning[k]);
+    if (drawn.n_leaning)
+        put_pieces(t, drawing);
+    for (int skip = 0; drawn.n_few | drawn.n_many; skip += 2) {
+        int n = 0, first = drawing->n;
+        for (int k = 0; k < drawn.n_few; ++k) {
+            const int i = drawn.few[k];
+            if (fetch)
+                PREFETCH(places_of(&picture->sent, chunk.number[i]));
+            drawn.few[n] = i;
+            n += draw_two(t, drawing, view, &chunk, i, drawn.firsts[i], skip, true);
+        }
+        drawn.n_few = n;
+        find_shares(drawing, first);
+        first = drawing->n;
+        n = 0;
+        for (int k = 0; k < drawn.n_many; ++k) {
+            const int i = drawn.many[k];
+            if (fetch)
+                PREFETCH(places_of(&picture->sent, chunk.number[i]));
+            drawn.many[n] = i;
+            n += draw_two(t, drawing, view, &chunk, i, 0, skip, false);
+        }
+        drawn.n_many = n;
+        find_shares(drawing, first);
+        if (!(drawn.n_few | n) || drawing->n + drawn.n_few + 2 * n > MOST_COVERED)
+            put_pieces(t, drawing);
+    }
 }

@@ -220,23 +220,13 @@ INLINED void fetch_pixels(const Picture *picture, int2 size, int left, int top)
 ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
-    Chunk chunk;
     Drawing drawing;
-    drawing.n = 0;
-    lanes_l pixels[CHUNK / LANES];
+    drawing.n = drawing.n_pieces = 0;
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && (t->overflow.list < 0 ? fullest < SLOTS / 2 : t->overflow.n < t->overflow.goal);) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
-            prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
-            pixels_of(t, &chunk, m, pixels);
-            for (int i = 0; i < m; ++i)
-                if (((const ulong *)pixels)[i] & t->open) {
-                    if (picture->lit && picture->glow->store->when == LIGHT_AT_ONCE)
-                        PREFETCH(places_of(&picture->sent, chunk.number[i]));
-                    draw(t, &drawing, view, &chunk, i);
-                }
-            put_pieces(t, &drawing);
+            draw(t, &drawing, view, picture, sorted + next, m, n - next, ends, ids, cuts);
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
