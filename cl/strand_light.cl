@@ -28,6 +28,32 @@ INLINED uint end_of(const Hair *hair, uint id)
     return id + 1 < span.x + span.y ? id + 1 : id;
 }
 
+/* One work-item tells in which range a block of a light's shadow map has its depths, with the texels around it: nine texels
+   around any of its own need not be looked at where all of these lie before a strand, or none. */
+__kernel void depth_ranges(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const Shadow *shadows,
+    __global const View *light_views,
+    __global const ulong *shadow_maps,
+    __global uint2 *ranges)                // [lights, BLOCKS, BLOCKS] the nearest and the furthest
+{
+    WORK_ITEM(item);
+    const uint light = (uint)item / (BLOCKS * BLOCKS), block = (uint)item % (BLOCKS * BLOCKS);
+    const int2 size = shadows[light].body.x ? light_views[light].size.xy : (int2)(0);
+    const int side = block_side(size), x = block % BLOCKS * side, y = block / BLOCKS * side;
+    const int left = x > 0 ? x - 1 : 0, right = x + side < size.x ? x + side + 1 : size.x;
+    const int top = y > 0 ? y - 1 : 0, bottom = y + side < size.y ? y + side + 1 : size.y;
+    __global const ulong *map = shadow_maps + place_of(shadows[light].place.zw);
+    uint nearest = NOTHING, furthest = 0;
+    for (int row = top; row < bottom; ++row)
+        for (int column = left; column < right; ++column) {
+            const uint depth = map[(size_t)row * size.x + column] >> 32;
+            nearest = depth < nearest ? depth : nearest;
+            furthest = depth > furthest ? depth : furthest;
+        }
+    ranges[item] = (uint2)(nearest, furthest);
+}
+
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,
    or the start and the end of each of some segments. */
 __kernel void transmittance(
@@ -50,6 +76,8 @@ __kernel void transmittance(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const int ranged,                      // 1: it is known what `depth_ranges` tells
+    __global const uint2 *ranges,          // [n_lights, BLOCKS, BLOCKS] if so
     const uint n_asked,                    // points, or starts and ends
     __global float *transmittances)        // [n_lights, n_asked] 0..1
 {
@@ -70,7 +98,8 @@ __kernel void transmittance(
         LANE(alpha, k) = types[(int)strand_uv[strand].z].shine.z;
     }
     for (int i = 0; i < n_lights; ++i) {
-        const Obstacles obstacles = obstacles_of(&lighting, i);
+        Obstacles obstacles = obstacles_of(&lighting, i);
+        obstacles.ranges = ranged ? ranges + BLOCKS * BLOCKS * i : 0;
         lanes share = transmittances_at(&obstacles, I(ON), p, n, width, alpha);
         for (uint k = 0; k < count; ++k)
             transmittances[(size_t)i * n_asked + first + k] = LANE(share, k);
