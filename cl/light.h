@@ -21,8 +21,10 @@ typedef struct {
     View view;
     __global const float *crossings;
     __global const ulong *shadow_map;
-    __global const uint2 *ranges;          // [BLOCKS, BLOCKS] the map's depths: see `depth_ranges` in strand_light.cl; 0: none
+    __global const uint *ranges;           // [BLOCKS, BLOCKS] the map's depths: see `depth_ranges` in strand_light.cl; 0: none
 } Obstacles;
+
+#define RANGE_BITS 15                             // of a depth that a range leaves out
 
 /* How many texels a side the blocks of a map have of which `ranges` tell. */
 inline int block_side(int2 size)

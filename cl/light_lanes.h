@@ -4,6 +4,12 @@
  * any LANES.
  */
 
+#if LANES > 1 && defined(__clang__)
+#define ONE_BY_ONE _Pragma("clang loop vectorize(disable)")   // PoCL would look things up with gathers, which are slower
+#else
+#define ONE_BY_ONE
+#endif
+
 /* Numbers of each lane, four in a row: where every lane looks its own up, a row is put down at once, not number by number. */
 typedef struct {
     float4 of[LANES];
@@ -165,22 +171,23 @@ INLINED lanes_i dark_of_block(const Obstacles *obstacles, lanes x0, lanes y0, la
     const float part = 1.0f / block_side(obstacles->view.size.xy);
     const lanes_i block = TO(lanes_i, (y0 + 0.5f) * part) * BLOCKS + TO(lanes_i, (x0 + 0.5f) * part);
     const lanes_i steep = (x_step > 0 ? x_step : -x_step) + (y_step > 0 ? y_step : -y_step);
-    lanes_u nearest, furthest;
-    for (int k = 0; k < LANES; ++k) {
-        const uint2 range = obstacles->ranges[LANE_I(block, k)];
-        LANE_U(nearest, k) = range.x;
-        LANE_U(furthest, k) = range.y;
-    }
+    lanes_u range;
+    ONE_BY_ONE
+    for (int k = 0; k < LANES; ++k)
+        LANE_U(range, k) = obstacles->ranges[LANE_I(block, k)];
+    const lanes_u nearest = (range & 0xFFFFu) << RANGE_BITS, furthest = (range >> 16 << RANGE_BITS) + ((1u << RANGE_BITS) - 1);
     return furthest < hides_below(plane - steep) ? I(9) : nearest >= hides_below(plane + steep) ? I(0) : I(-1);
 }
 
 /* See `dark_texels`, of nine texels with another one behind each three, around texels `middle`: so many before planes at
    `plane` there. */
-INLINED lanes_i dark_of_nine(__global const ulong *map, lanes_i middle, int width, lanes_i plane, lanes_i x_step, lanes_i y_step)
+INLINED lanes_i dark_of_nine(__global const ulong *map, lanes_i on, lanes_i middle, int width, lanes_i plane, lanes_i x_step,
+                             lanes_i y_step)
 {
     LaneRows rows[3];
     lanes_i dark = I(0);
-    for (int k = 0; k < LANES; ++k) {
+    for (uint bits = bits_of(on); bits; bits &= bits - 1) {
+        const int k = first_of(bits);
         __global const ulong *first = map + LANE_I(middle, k) - 1;
         #pragma unroll
         for (int j = 0; j < 3; ++j)
@@ -237,8 +244,8 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
             count = dark_of_block(obstacles, xn, yn, plane, x_step, y_step);
         const lanes_i some = nine & (count < 0);
         if (any_lane(some)) {
-            const lanes_i at = some ? TO(lanes_i, yn) * width + TO(lanes_i, xn) : I(width + 1);
-            const lanes_i found = dark_of_nine(obstacles->shadow_map, at, width, plane, x_step, y_step);
+            const lanes_i at = TO(lanes_i, yn) * width + TO(lanes_i, xn);
+            const lanes_i found = dark_of_nine(obstacles->shadow_map, some, at, width, plane, x_step, y_step);
             count = some ? found : count;
         }
         dark = nine ? TO(lanes, count) : dark;

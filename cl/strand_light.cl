@@ -14,12 +14,6 @@
 #include "light_lanes.h"
 #include "places.h"
 
-#if LANES > 1 && defined(__clang__)
-#define ONE_BY_ONE _Pragma("clang loop vectorize(disable)")   // PoCL would look things up with gathers, which are slower
-#else
-#define ONE_BY_ONE
-#endif
-
 /* A divisor of numbers below 2^31, by which many are divided: `part` of 2^shift, a bit more than its share. */
 typedef struct {
     ulong part;
@@ -63,7 +57,7 @@ __kernel void depth_ranges(
     __global const Shadow *shadows,
     __global const View *light_views,
     __global const ulong *shadow_maps,
-    __global uint2 *ranges)                // [lights, BLOCKS, BLOCKS] the nearest and the furthest
+    __global uint *ranges)                 // [lights, BLOCKS, BLOCKS] the nearest | the furthest << 16, without RANGE_BITS
 {
     WORK_ITEM(item);
     const uint light = (uint)item / (BLOCKS * BLOCKS), block = (uint)item % (BLOCKS * BLOCKS);
@@ -79,7 +73,8 @@ __kernel void depth_ranges(
             nearest = depth < nearest ? depth : nearest;
             furthest = depth > furthest ? depth : furthest;
         }
-    ranges[item] = (uint2)(nearest, furthest);
+    nearest >>= RANGE_BITS, furthest >>= RANGE_BITS;   // where nothing is it is beyond 16 bits
+    ranges[item] = (nearest < 0xFFFFu ? nearest : 0xFFFFu) | (furthest < 0xFFFFu ? furthest : 0xFFFFu) << 16;
 }
 
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,
@@ -105,7 +100,7 @@ __kernel void transmittance(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int ranged,                      // 1: it is known what `depth_ranges` tells
-    __global const uint2 *ranges,          // [n_lights, BLOCKS, BLOCKS] if so
+    __global const uint *ranges,           // [n_lights, BLOCKS, BLOCKS] if so
     const uint n_asked,                    // points, or starts and ends
     __global float *transmittances)        // [n_lights, n_asked] 0..1
 {
@@ -143,7 +138,7 @@ __kernel void transmittance(
 
 /* Where LANES segments begin and end: both are one where none begins. */
 typedef struct {
-    uint from[LANES], to[LANES];
+    lanes_u from, to;
 } Ends;
 
 /* Segments: what they are like at their start, and how much of it changes to their end. */
@@ -159,7 +154,7 @@ INLINED void take(Segments *s, Looks *looks, Ends *ends, const Hair *hair, const
     LaneRows a, b, before, after, colors;
     ONE_BY_ONE
     for (int k = 0; k < LANES; ++k) {
-        const uint id = ends->from[k];
+        const uint id = LANE_U(ends->from, k);
         const uint2 span = hair->spans[strands[k]];
         const uint behind = span.x + span.y, to = id + (id + 1 < behind);
         a.of[k] = hair->points[id];
@@ -167,7 +162,7 @@ INLINED void take(Segments *s, Looks *looks, Ends *ends, const Hair *hair, const
         before.of[k] = hair->points[id - (id > span.x)];
         after.of[k] = hair->points[to + (to + 1 < behind)];
         colors.of[k] = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strands[k] : id];
-        ends->to[k] = to;
+        LANE_U(ends->to, k) = to;
         LANE_I(looks->kind, k) = (int)hair->strand_uv[strands[k]].z;
     }
     const lanes3 q = three_of(&b), none = {F(0.0f), F(0.0f), F(0.0f)};
@@ -178,7 +173,7 @@ INLINED void take(Segments *s, Looks *looks, Ends *ends, const Hair *hair, const
     s->color_step = none;
     if (hair->color_per == 2) {
         for (int k = 0; k < LANES; ++k)
-            colors.of[k] = hair->colors[ends->to[k]];
+            colors.of[k] = hair->colors[LANE_U(ends->to, k)];
         s->color_step = minus(three_of(&colors), s->color);
     }
     /* Mostly they are all of one type. */
@@ -359,21 +354,20 @@ APART __kernel void radiance(
     uint strands[LANES];
     ONE_BY_ONE
     for (uint k = 0; k < LANES; ++k) {
-        ends.from[k] = begins_at(first + (k < count ? k : 0), listed, segments, first_point, stored, &by_run);
-        strands[k] = strand_of[divided(ends.from[k], &by_run)];
+        LANE_U(ends.from, k) = begins_at(first + (k < count ? k : 0), listed, segments, first_point, stored, &by_run);
+        strands[k] = strand_of[divided(LANE_U(ends.from, k), &by_run)];
     }
     take(&s, &looks, &ends, &hair, strands);
     lanes3 tangents[FEW_PLACES], towards_eye[FEW_PLACES];
     lanes turns[FEW_PLACES];
-    lanes_i some = I(0), inside = I(ON);
+    lanes_i some = I(0);
     for (int j = 0; j < FEW_PLACES; ++j) {
         tangents[j] = unit_lanes_or(plus(s.t, scaled(s.t_step, share_before(j))), s.t);
         towards_eye[j] = towards_eye_lanes(&view, place_at(&s, j));
     }
     for (int j = 1; j < FEW_PLACES; ++j)
         turns[j] = distance_between(tangents[j], tangents[j - 1]) + distance_between(towards_eye[j], towards_eye[j - 1]);
-    for (uint k = 0; k < LANES; ++k)
-        LANE_I(inside, k) = ends.from[k] != ends.to[k] ? ON : 0;
+    const lanes_i inside = ends.from != ends.to;
     const int sources = n_lights + under_sky + is_scattered;
     __global ulong *few = places + FEW_PLACES * sources * (size_t)first;
     for (int i = 0; i < n_lights; ++i) {
@@ -386,9 +380,9 @@ APART __kernel void radiance(
             __global const float *there = transmittances + (size_t)i * n_asked;
             ONE_BY_ONE
             for (uint k = 0; k < LANES; ++k) {
-                const uint start = of_ends ? 2 * (first + (k < count ? k : 0)) : ends.from[k];
+                const uint start = of_ends ? 2 * (first + (k < count ? k : 0)) : LANE_U(ends.from, k);
                 LANE(share, k) = there[start];
-                LANE(share_step, k) = there[of_ends ? start + 1 : ends.to[k]];
+                LANE(share_step, k) = there[of_ends ? start + 1 : LANE_U(ends.to, k)];
             }
             share_step -= share;
         }
@@ -397,14 +391,15 @@ APART __kernel void radiance(
             const lanes3 p = place_at(&s, j);
             lanes3 l;
             const lanes part = share_of_light(&light, p, &l) * (share + share_before(j) * share_step);
-            sent[j] = fibre_lanes(&light, &here, &looks, l, towards_eye[j], disc_at(&light, p), part);
+            sent[j] = any_lane(part > 0.0f) ? fibre_lanes(&light, &here, &looks, l, towards_eye[j], disc_at(&light, p), part)
+                                            : scaled(here.color, F(light.color.w));
         }
         put_places(few, sources, i, count, need, sent);
     }
     if (under_sky) {
         lanes3 light, light_step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            const float4 start = has_sky ? sky_light[ends.from[k]] : 0.0f, end_there = has_sky ? sky_light[ends.to[k]] : 0.0f;
+            const float4 start = has_sky ? sky_light[LANE_U(ends.from, k)] : 0.0f, end_there = has_sky ? sky_light[LANE_U(ends.to, k)] : 0.0f;
             put_lane(&light, k, start + even);
             put_lane(&light_step, k, end_there - start);
         }
@@ -419,8 +414,8 @@ APART __kernel void radiance(
     if (is_scattered) {
         lanes3 start, step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            put_lane(&start, k, scattered[ends.from[k]]);
-            put_lane(&step, k, scattered[ends.to[k]] - scattered[ends.from[k]]);
+            put_lane(&start, k, scattered[LANE_U(ends.from, k)]);
+            put_lane(&step, k, scattered[LANE_U(ends.to, k)] - scattered[LANE_U(ends.from, k)]);
         }
         for (int j = 0; j < FEW_PLACES; ++j)
             sent[j] = plus(start, scaled(step, share_before(j)));

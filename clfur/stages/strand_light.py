@@ -14,7 +14,7 @@ from .strands import DeviceStrands, arrays
 from .transport import LEAVING, Transport, leaving
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
-RANGES = Declared("block", np.uint32, 2)         # of depths in a light's shadow map
+RANGES = Declared("block", np.uint32)            # of depths in a light's shadow map
 FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 BLOCKS = layout.CONSTANTS["BLOCKS"]              # of a map, a side
 
