@@ -154,9 +154,9 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     return in ? exp2_of(greater(-1.44269504f * obstacles->shadow.hair.x * crossings, F(-100.0f))) : F(1.0f);
 }
 
-#if LANES > 1
 typedef ulong4 Four __attribute__((aligned(8)));   // texels one after the other
 
+#if LANES > 1
 /* What of a map hides a plane as deep as `depth`: depths below this, 0 where none may be. */
 INLINED lanes_u hides_below(lanes_i depth)
 {

@@ -50,8 +50,8 @@ INLINED uint begin_of(uint number, int listed, __global const uint *segments, ui
     return listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
 }
 
-/* One work-item tells in which range a block of a light's shadow map has its depths, with the texels around it: nine texels
-   around any of its own need not be looked at where all of these lie before a strand, or none. */
+/* One work-item tells in which range a row of blocks of a light's shadow map has its depths, each with the texels around it:
+   nine texels around any of its own need not be looked at where all of these lie before a strand, or none. */
 __kernel void depth_ranges(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const Shadow *shadows,
@@ -60,21 +60,29 @@ __kernel void depth_ranges(
     __global uint *ranges)                 // [lights, BLOCKS, BLOCKS] the nearest | the furthest << 16, without RANGE_BITS
 {
     WORK_ITEM(item);
-    const uint light = (uint)item / (BLOCKS * BLOCKS), block = (uint)item % (BLOCKS * BLOCKS);
-    const int2 size = shadows[light].body.x ? light_views[light].size.xy : (int2)(0);
-    const int side = block_side(size), x = block % BLOCKS * side, y = block / BLOCKS * side;
-    const int left = x > 0 ? x - 1 : 0, right = x + side < size.x ? x + side + 1 : size.x;
+    const uint light = (uint)item / BLOCKS;
+    const int2 size = light_views[light].size.xy;
+    const int side = block_side(size), y = (uint)item % BLOCKS * side;
     const int top = y > 0 ? y - 1 : 0, bottom = y + side < size.y ? y + side + 1 : size.y;
+    if (!shadows[light].body.x || size.x < 4)
+        return;
     __global const ulong *map = shadow_maps + place_of(shadows[light].place.zw);
-    uint nearest = NOTHING, furthest = 0;
-    for (int row = top; row < bottom; ++row)
-        for (int column = left; column < right; ++column) {
-            const uint depth = map[(size_t)row * size.x + column] >> 32;
-            nearest = depth < nearest ? depth : nearest;
-            furthest = depth > furthest ? depth : furthest;
-        }
-    nearest >>= RANGE_BITS, furthest >>= RANGE_BITS;   // where nothing is it is beyond 16 bits
-    ranges[item] = (nearest < 0xFFFFu ? nearest : 0xFFFFu) | (furthest < 0xFFFFu ? furthest : 0xFFFFu) << 16;
+    for (int x = 0; x < size.x; x += side) {
+        uint4 low = NOTHING, high = 0;
+        for (int row = top; row < bottom; ++row)
+            for (int column = x - 1; column < x + side + 1; column += 4) {
+                /* More than is asked for does no harm. */
+                const int from = column < 0 ? 0 : column < size.x - 4 ? column : size.x - 4;
+                const uint4 depth = as_uint8(*(__global const Four *)(map + (size_t)row * size.x + from)).odd;
+                low = depth < low ? depth : low;
+                high = depth > high ? depth : high;
+            }
+        const uint2 lows = low.lo < low.hi ? low.lo : low.hi, highs = high.lo > high.hi ? high.lo : high.hi;
+        const uint nearest = (lows.x < lows.y ? lows.x : lows.y) >> RANGE_BITS;
+        const uint furthest = (highs.x > highs.y ? highs.x : highs.y) >> RANGE_BITS;
+        /* Where nothing is it is beyond 16 bits. */
+        ranges[item * BLOCKS + x / side] = (nearest < 0xFFFFu ? nearest : 0xFFFFu) | (furthest < 0xFFFFu ? furthest : 0xFFFFu) << 16;
+    }
 }
 
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,

@@ -67,6 +67,21 @@ def test_transmittances_of_ends_are_those_of_points(gpu, kind, n):
     assert (ends < .9).any()
 
 
+@pytest.mark.parametrize("size", [pytest.param(3, marks=pytest.mark.small), 4, 50, 128, 130, 300])
+@pytest.mark.parametrize("light", [LIGHT, SPOT, attrs.evolve(LIGHT, size=30)], ids=["far", "spot", "disc"])
+def test_ranges_of_depths_change_nothing(gpu, monkeypatch, size, light):
+    """The same bits, whether blocks of the map tell that all texels around a point hide it, or none, or nobody asks them."""
+    scene = furry("strand", 4 if size == 3 else 2000, light=light)
+    strands = strands_of(gpu, scene)
+    lighting = cast_shadows(gpu, scene, clfur.Settings(grid=16, shadow_map=size), strands, tessellate(gpu, scene.mesh))
+    found = []
+    for least in 0, 1 << 31:
+        monkeypatch.setattr(strand_light, "LEAST", least)
+        found.append(strand_light.transmittance(gpu, strands, lighting).get())
+    np.testing.assert_array_equal(*found)
+    assert size < 50 or ((found[0] == 0).any() and (found[0] > .5).any())
+
+
 @pytest.mark.parametrize("kind, form, n, shadowed", [
     pytest.param("point", "kajiya-kay", 4, True, marks=pytest.mark.small), ("all", "kajiya-kay", 60, False),
     ("strand", "half-vector", 60, True), ("grown", "kajiya-kay", 0, True)])

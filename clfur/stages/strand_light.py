@@ -17,6 +17,7 @@ TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct ligh
 RANGES = Declared("block", np.uint32)            # of depths in a light's shadow map
 FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 BLOCKS = layout.CONSTANTS["BLOCKS"]              # of a map, a side
+LEAST = 8 * BLOCKS**2                            # points: for fewer, ranges take more than they save
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,10 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting, segments
     the start and the end of each of some ``segments``, [n] uint32 ids -> [lights, 2n]."""
     n = len(strands.points) if segments is None else 2 * len(segments)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n))
-    ranged = gpu.lanes > 1 and n >= BLOCKS**2   # for fewer it takes more than it saves
+    ranged = gpu.lanes > 1 and n >= LEAST
     ranges = RANGES.empty(gpu, len(lighting.lights) * BLOCKS**2 * ranged)
     if ranged:
-        gpu.launch("strand_light.depth_ranges", len(ranges), shadows=lighting.shadows, light_views=lighting.light_views,
+        gpu.launch("strand_light.depth_ranges", len(ranges) // BLOCKS, shadows=lighting.shadows, light_views=lighting.light_views,
                    shadow_maps=lighting.shadow_maps, ranges=ranges)
     gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result, ranged=ranged, ranges=ranges,
                listed=segments is not None, segments=gpu.empty(0, np.uint32) if segments is None else segments,
