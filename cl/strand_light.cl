@@ -3,10 +3,6 @@
  * same from wherever they are seen; `radiance` what a segment sends to the eye at FEW_PLACES of it; `further` what it is like
  * where these are too few.  Several points or segments side by side.
  */
-#if LANES == 32
-#undef LANES
-#define LANES 16                           // two vectors of 16 would not stay in registers here
-#endif
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"

@@ -131,4 +131,4 @@ def axes(gpu: Any, maps: Deep, strands: DeviceStrands, segments: Any, first: int
 
 def _items(gpu, n):
     """Work-items for n places side by side."""
-    return -(-n // min(gpu.lanes, 16))
+    return -(-n // gpu.lanes)
