@@ -21,7 +21,16 @@ typedef struct {
     View view;
     __global const float *crossings;
     __global const ulong *shadow_map;
+    __global const uint *ranges;           // [BLOCKS, BLOCKS] the map's depths: see `depth_ranges` in strand_light.cl; 0: none
 } Obstacles;
+
+#define RANGE_BITS 15                             // of a depth that a range leaves out
+
+/* How many texels a side the blocks of a map have of which `ranges` tell. */
+inline int block_side(int2 size)
+{
+    return ((size.x > size.y ? size.x : size.y) + BLOCKS - 1) / BLOCKS;
+}
 
 /* Where in the arrays of all lights that of one begins: two halves of 64 bits. */
 inline ulong place_of(int2 halves)
@@ -37,6 +46,7 @@ inline Obstacles obstacles_of(const Lighting *lighting, int i)
     obstacles.view = lighting->light_views[i];
     obstacles.crossings = lighting->crossings + place_of(obstacles.shadow.place.xy);
     obstacles.shadow_map = lighting->shadow_maps + place_of(obstacles.shadow.place.zw);
+    obstacles.ranges = 0;
     return obstacles;
 }
 

@@ -3,6 +3,66 @@
  * The same operations in the same order, but for powers: those are here of + - * / alone, so that they are the same bits for
  * any LANES.
  */
+
+#if LANES > 1 && defined(__clang__)
+#define ONE_BY_ONE _Pragma("clang loop vectorize(disable)")   // PoCL would look things up with gathers, which are slower
+#else
+#define ONE_BY_ONE
+#endif
+
+/* Numbers of each lane, four in a row: where every lane looks its own up, a row is put down at once, not number by number. */
+typedef struct {
+    float4 of[LANES];
+} __attribute__((aligned(64))) LaneRows;
+
+#if LANES > 1
+/* Eight rows, two in each vector, as columns. */
+INLINED void turn_eight(const float8 *rows, float8 *x, float8 *y, float8 *z, float8 *w)
+{
+    const float8 a = rows[0], b = rows[1], c = rows[2], d = rows[3];
+    const float8 ab = (float8)(a.s0, a.s4, b.s0, b.s4, a.s1, a.s5, b.s1, b.s5);
+    const float8 cd = (float8)(c.s0, c.s4, d.s0, d.s4, c.s1, c.s5, d.s1, d.s5);
+    const float8 other_ab = (float8)(a.s2, a.s6, b.s2, b.s6, a.s3, a.s7, b.s3, b.s7);
+    const float8 other_cd = (float8)(c.s2, c.s6, d.s2, d.s6, c.s3, c.s7, d.s3, d.s7);
+    *x = (float8)(ab.lo, cd.lo);
+    *y = (float8)(ab.hi, cd.hi);
+    *z = (float8)(other_ab.lo, other_cd.lo);
+    *w = (float8)(other_ab.hi, other_cd.hi);
+}
+#endif
+
+/* Rows as vectors. */
+INLINED lanes4 four_of(const LaneRows *rows)
+{
+#if LANES == 1
+    const lanes4 columns = {rows->of[0].x, rows->of[0].y, rows->of[0].z, rows->of[0].w};
+#else
+    lanes4 columns;
+    float8 x[LANES / 8], y[LANES / 8], z[LANES / 8], w[LANES / 8];
+    #pragma unroll
+    for (int k = 0; k < LANES / 8; ++k)
+        turn_eight((const float8 *)rows->of + 4 * k, &x[k], &y[k], &z[k], &w[k]);
+#if LANES == 8
+    columns.x = x[0], columns.y = y[0], columns.z = z[0], columns.w = w[0];
+#elif LANES == 16
+    columns.x = (lanes)(x[0], x[1]), columns.y = (lanes)(y[0], y[1]);
+    columns.z = (lanes)(z[0], z[1]), columns.w = (lanes)(w[0], w[1]);
+#else
+    columns.x = (lanes)(x[0], x[1], x[2], x[3]), columns.y = (lanes)(y[0], y[1], y[2], y[3]);
+    columns.z = (lanes)(z[0], z[1], z[2], z[3]), columns.w = (lanes)(w[0], w[1], w[2], w[3]);
+#endif
+#endif
+    return columns;
+}
+
+/* The first three of each row. */
+INLINED lanes3 three_of(const LaneRows *rows)
+{
+    const lanes4 columns = four_of(rows);
+    const lanes3 three = {columns.x, columns.y, columns.z};
+    return three;
+}
+
 INLINED lanes3 unit_lanes_or(lanes3 v, lanes3 otherwise)
 {
     const lanes square = dots(v, v), length = full_root(greater(square, F(1e-30f)));
@@ -59,6 +119,8 @@ INLINED lanes cosine_to(const Light *light, lanes3 p, lanes3 n, lanes of_face, l
     return light->cone.y > 0.0f ? clipped_cosine(cosine, of_face, disc_at(light, p)) : greater(cosine, F(0.0f));
 }
 
+typedef float2 Pair __attribute__((aligned(4)));   // two numbers one after the other
+
 /* See `through_hair`; own_x and own_y are its self_shadow. */
 INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
 {
@@ -70,44 +132,78 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     const lanes x = in ? gx : F(0.0f), y = in ? gy : F(0.0f), z = in ? gz : F(0.0f);
     const lanes x0 = whole_below(x), y0 = whole_below(y), z0 = lesser(whole_below(z), F(nz - 1.0f));
     const lanes fx = x - x0, fy = y - y0, fz = z - z0;
-    const lanes left = x0 >= 0.0f ? 1.0f - fx : F(0.0f), right = x0 + 1.0f < (float)nx ? fx : F(0.0f);
+    /* Columns outside hold nothing: two inside are read, and the one that is not asked for counts 0. */
+    const lanes xa = within(x0, 0.0f, nx - 2.0f), ya = greater(y0, F(0.0f)), yb = lesser(y0 + 1.0f, F(ny - 1.0f));
+    const lanes left = x0 == xa ? 1.0f - fx : x0 < xa ? fx : F(0.0f), right = x0 == xa ? fx : x0 < xa ? F(0.0f) : 1.0f - fx;
     const lanes front = y0 >= 0.0f ? 1.0f - fy : F(0.0f), back = y0 + 1.0f < (float)ny ? fy : F(0.0f);
-    const lanes xa = greater(x0, F(0.0f)), xb = lesser(x0 + 1.0f, F(nx - 1.0f));
-    const lanes ya = greater(y0, F(0.0f)), yb = lesser(y0 + 1.0f, F(ny - 1.0f));
-    lanes before[4], behind[4];
-    const lanes_i layer = TO(lanes_i, z0) * (nx * ny), from = layer + TO(lanes_i, ya) * nx, until = layer + TO(lanes_i, yb) * nx;
-    const lanes_i left_of = TO(lanes_i, xa), right_of = TO(lanes_i, xb);
-    const lanes_i corners[4] = {from + left_of, from + right_of, until + left_of, until + right_of};
-    __global const float *far = obstacles->crossings + nx * ny;
-    for (int k = 0; k < LANES; ++k)
-        for (int i = 0; i < 4; ++i) {
-            LANE(before[i], k) = obstacles->crossings[LANE_I(corners[i], k)];
-            LANE(behind[i], k) = far[LANE_I(corners[i], k)];
-        }
-    const lanes a = left * front * (before[0] + fz * (behind[0] - before[0]));
-    const lanes b = right * front * (before[1] + fz * (behind[1] - before[1]));
-    const lanes d = left * back * (before[2] + fz * (behind[2] - before[2]));
-    const lanes e = right * back * (before[3] + fz * (behind[3] - before[3]));
+    const lanes_i column = TO(lanes_i, z0) * (nx * ny) + TO(lanes_i, xa);
+    const lanes_i fore = column + TO(lanes_i, ya) * nx, rear = column + TO(lanes_i, yb) * nx;
+    __global const float *near = obstacles->crossings, *far = near + nx * ny;
+    LaneRows before, behind;
+    for (int k = 0; k < LANES; ++k) {
+        const int m = LANE_I(fore, k), n = LANE_I(rear, k);
+        before.of[k] = (float4)(*(__global const Pair *)(near + m), *(__global const Pair *)(near + n));
+        behind.of[k] = (float4)(*(__global const Pair *)(far + m), *(__global const Pair *)(far + n));
+    }
+    const lanes4 first = four_of(&before), last = four_of(&behind);
+    const lanes a = left * front * (first.x + fz * (last.x - first.x));
+    const lanes b = right * front * (first.y + fz * (last.y - first.y));
+    const lanes d = left * back * (first.z + fz * (last.z - first.z));
+    const lanes e = right * back * (first.w + fz * (last.w - first.w));
     const lanes crossings = greater((a + b) + (d + e) - own_x / c.w - own_y, F(0.0f));
     return in ? exp2_of(greater(-1.44269504f * obstacles->shadow.hair.x * crossings, F(-100.0f))) : F(1.0f);
 }
 
-#if LANES > 1
 typedef ulong4 Four __attribute__((aligned(8)));   // texels one after the other
 
-/* See `dark_texels`, of nine texels with another one behind each three: so many before planes at `plane` in the middle, as deep
-   as the map has it. */
-INLINED int dark_of_nine(__global const ulong *middle, int width, long plane, long x_step, long y_step)
+#if LANES > 1
+/* What of a map hides a plane as deep as `depth`: depths below this, 0 where none may be. */
+INLINED lanes_u hides_below(lanes_i depth)
 {
-    const long4 most = (long4)(DEPTH_ONE + 1, DEPTH_ONE + 1, DEPTH_ONE + 1, 0);
-    const long4 row = (long4)(plane + x_step, plane, plane - x_step, 0);
-    long4 sum = 0;
-    #pragma unroll
-    for (int j = -1; j <= 1; ++j) {
-        const long4 seen = as_long4(*(__global const Four *)(middle + j * width - 1) >> 32), end = row - j * y_step;
-        sum += seen < (end < most ? end : most);
+    const lanes_i none = I(0), most = I((int)DEPTH_ONE + 1), end = depth < most ? depth : most;
+    return AS_U(end > none ? end : none);
+}
+
+/* Nine texels around texels `middle`: are all before planes at `plane` there (9), none (0), or some (-1, or it is not known)?
+   As its blocks' ranges tell.  x0, y0: the texels. */
+INLINED lanes_i dark_of_block(const Obstacles *obstacles, lanes x0, lanes y0, lanes_i plane, lanes_i x_step, lanes_i y_step)
+{
+    const float part = 1.0f / block_side(obstacles->view.size.xy);
+    const lanes_i block = TO(lanes_i, (y0 + 0.5f) * part) * BLOCKS + TO(lanes_i, (x0 + 0.5f) * part);
+    const lanes_i steep = (x_step > 0 ? x_step : -x_step) + (y_step > 0 ? y_step : -y_step);
+    lanes_u range;
+    ONE_BY_ONE
+    for (int k = 0; k < LANES; ++k)
+        LANE_U(range, k) = obstacles->ranges[LANE_I(block, k)];
+    const lanes_u nearest = (range & 0xFFFFu) << RANGE_BITS, furthest = (range >> 16 << RANGE_BITS) + ((1u << RANGE_BITS) - 1);
+    return furthest < hides_below(plane - steep) ? I(9) : nearest >= hides_below(plane + steep) ? I(0) : I(-1);
+}
+
+/* See `dark_texels`, of nine texels with another one behind each three, around texels `middle`: so many before planes at
+   `plane` there. */
+INLINED lanes_i dark_of_nine(__global const ulong *map, lanes_i on, lanes_i middle, int width, lanes_i plane, lanes_i x_step,
+                             lanes_i y_step)
+{
+    LaneRows rows[3];
+    lanes_i dark = I(0);
+    for (uint bits = bits_of(on); bits; bits &= bits - 1) {
+        const int k = first_of(bits);
+        __global const ulong *first = map + LANE_I(middle, k) - 1;
+        #pragma unroll
+        for (int j = 0; j < 3; ++j)
+            rows[j].of[k] = as_float4(as_uint8(*(__global const Four *)(first + (j - 1) * width)).odd);
     }
-    return -(int)((sum.x + sum.y) + sum.z);
+    #pragma unroll
+    for (int j = 0; j < 3; ++j) {
+        const lanes4 seen = four_of(&rows[j]);
+        const lanes_i end = plane - (j - 1) * y_step;
+        const lanes_i ends[3] = {end + x_step, end, end - x_step};
+        const lanes texels[3] = {seen.x, seen.y, seen.z};
+        #pragma unroll
+        for (int i = 0; i < 3; ++i)
+            dark += AS_U(texels[i]) < hides_below(ends[i]);
+    }
+    return -dark;
 }
 #endif
 
@@ -136,14 +232,22 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
 #if LANES > 1
     const int width = view->size.x, height = view->size.y;
     if (radius == 1 && !disc && width > 3 && height > 2) {
-        const lanes_i nine = in & (x0 >= 1.0f) & (y0 >= 1.0f) & (x0 < width - 2.0f) & (y0 < height - 1.0f);
-        const lanes_i at = TO(lanes_i, nine ? y0 : F(1.0f)) * width + TO(lanes_i, nine ? x0 : F(1.0f));
-        const lanes_l planes = (long)DEPTH_ONE - TO(lanes_l, nearest_seen * (float)DEPTH_ONE);
-        const lanes_l xs = TO(lanes_l, dx * (float)DEPTH_ONE), ys = TO(lanes_l, dy * (float)DEPTH_ONE);
-        lanes_i count;
-        for (int k = 0; k < LANES; ++k)
-            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, LANE_L(planes, k), LANE_L(xs, k),
-                                            LANE_L(ys, k));
+        /* And near enough to the map for 32 bits. */
+        const lanes_i nine = in & (x0 >= 1.0f) & (y0 >= 1.0f) & (x0 < width - 2.0f) & (y0 < height - 1.0f)
+            & (positive(dx) + positive(dy) < 0.5f) & (positive(nearest_seen) < 1.0f);
+        const lanes xn = nine ? x0 : F(1.0f), yn = nine ? y0 : F(1.0f);
+        const lanes_i plane = (int)DEPTH_ONE - TO(lanes_i, nine ? nearest_seen * (float)DEPTH_ONE : F(0.0f));
+        const lanes_i x_step = TO(lanes_i, nine ? dx * (float)DEPTH_ONE : F(0.0f));
+        const lanes_i y_step = TO(lanes_i, nine ? dy * (float)DEPTH_ONE : F(0.0f));
+        lanes_i count = I(-1);
+        if (obstacles->ranges)
+            count = dark_of_block(obstacles, xn, yn, plane, x_step, y_step);
+        const lanes_i some = nine & (count < 0);
+        if (any_lane(some)) {
+            const lanes_i at = TO(lanes_i, yn) * width + TO(lanes_i, xn);
+            const lanes_i found = dark_of_nine(obstacles->shadow_map, some, at, width, plane, x_step, y_step);
+            count = some ? found : count;
+        }
         dark = nine ? TO(lanes, count) : dark;
         left = in & (nine == 0);
     }

@@ -3,16 +3,41 @@
  * same from wherever they are seen; `radiance` what a segment sends to the eye at FEW_PLACES of it; `further` what it is like
  * where these are too few.  Several points or segments side by side.
  */
-#if LANES == 32
-#undef LANES
-#define LANES 16                           // two vectors of 16 would not stay in registers here
-#endif
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
 #include "light_lanes.h"
 #include "places.h"
+
+/* A divisor of numbers below 2^31, by which many are divided: `part` of 2^shift, a bit more than its share. */
+typedef struct {
+    ulong part;
+    uint by;
+    int shift;
+} Divisor;
+
+INLINED Divisor divisor(uint by)
+{
+    const int shift = 63 - clz(by);
+    const Divisor d = {((1ul << shift) + by - 1) / by, by, shift};   // too much by less than `by`: of 2^31 by less than 1 / by
+    return d;
+}
+
+INLINED uint divided(uint x, const Divisor *d)
+{
+    return (uint)(x * d->part >> d->shift);
+}
+
+/* `begin_of`, where many are asked for. */
+INLINED uint begins_at(uint number, int listed, __global const uint *segments, uint first_point, __global const uint *stored,
+                       const Divisor *run)
+{
+    if (!listed)
+        return number;
+    const uint came = (segments[number] & ~BODY) - first_point, whole = divided(came, run);
+    return stored[whole] + came - whole * run->by;
+}
 
 /* Where a segment begins: `number` of those that are listed, or of all points. */
 INLINED uint begin_of(uint number, int listed, __global const uint *segments, uint first_point, __global const uint *stored,
@@ -21,11 +46,39 @@ INLINED uint begin_of(uint number, int listed, __global const uint *segments, ui
     return listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
 }
 
-/* Where the segment ends that begins at a point: there itself if that is a strand's last one, or no strand's. */
-INLINED uint end_of(const Hair *hair, uint id)
+/* One work-item tells in which range a row of blocks of a light's shadow map has its depths, each with the texels around it:
+   nine texels around any of its own need not be looked at where all of these lie before a strand, or none. */
+__kernel void depth_ranges(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const Shadow *shadows,
+    __global const View *light_views,
+    __global const ulong *shadow_maps,
+    __global uint *ranges)                 // [lights, BLOCKS, BLOCKS] the nearest | the furthest << 16, without RANGE_BITS
 {
-    const uint2 span = hair->spans[strand_at(hair, id)];
-    return id + 1 < span.x + span.y ? id + 1 : id;
+    WORK_ITEM(item);
+    const uint light = (uint)item / BLOCKS;
+    const int2 size = light_views[light].size.xy;
+    const int side = block_side(size), y = (uint)item % BLOCKS * side;
+    const int top = y > 0 ? y - 1 : 0, bottom = y + side < size.y ? y + side + 1 : size.y;
+    if (!shadows[light].body.x || size.x < 4)
+        return;
+    __global const ulong *map = shadow_maps + place_of(shadows[light].place.zw);
+    for (int x = 0; x < size.x; x += side) {
+        uint4 low = NOTHING, high = 0;
+        for (int row = top; row < bottom; ++row)
+            for (int column = x - 1; column < x + side + 1; column += 4) {
+                /* More than is asked for does no harm. */
+                const int from = column < 0 ? 0 : column < size.x - 4 ? column : size.x - 4;
+                const uint4 depth = as_uint8(*(__global const Four *)(map + (size_t)row * size.x + from)).odd;
+                low = depth < low ? depth : low;
+                high = depth > high ? depth : high;
+            }
+        const uint2 lows = low.lo < low.hi ? low.lo : low.hi, highs = high.lo > high.hi ? high.lo : high.hi;
+        const uint nearest = (lows.x < lows.y ? lows.x : lows.y) >> RANGE_BITS;
+        const uint furthest = (highs.x > highs.y ? highs.x : highs.y) >> RANGE_BITS;
+        /* Where nothing is it is beyond 16 bits. */
+        ranges[item * BLOCKS + x / side] = (nearest < 0xFFFFu ? nearest : 0xFFFFu) | (furthest < 0xFFFFu ? furthest : 0xFFFFu) << 16;
+    }
 }
 
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,
@@ -50,32 +103,47 @@ __kernel void transmittance(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const int ranged,                      // 1: it is known what `depth_ranges` tells
+    __global const uint *ranges,           // [n_lights, BLOCKS, BLOCKS] if so
     const uint n_asked,                    // points, or starts and ends
     __global float *transmittances)        // [n_lights, n_asked] 0..1
 {
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const uint first = LANES * (uint)item, count = n_asked - first < LANES ? n_asked - first : LANES;
-    lanes3 p, n;
-    lanes width, alpha;
+    const Divisor by_run = divisor(run);
+    uint ids[LANES], strands[LANES];
+    LaneRows places, across;
+    lanes alpha;
+    ONE_BY_ONE
     for (uint k = 0; k < LANES; ++k) {
         const uint number = first + (k < count ? k : 0);
-        uint id = listed ? begin_of(number / 2, listed, segments, first_point, stored, run) : number;
-        const uint strand = strand_of[id / run];
+        uint id = listed ? begins_at(number / 2, listed, segments, first_point, stored, &by_run) : number;
+        const uint strand = strand_of[divided(id, &by_run)];
         id += listed && number % 2 && id + 1 < spans[strand].x + spans[strand].y;
-        const float4 point = points[id];
-        put_lane(&p, k, point);
-        put_lane(&n, k, strand_normal[strand]);
-        LANE(width, k) = point.w;
-        LANE(alpha, k) = types[(int)strand_uv[strand].z].shine.z;
+        ids[k] = id, strands[k] = strand;
     }
+    ONE_BY_ONE
+    for (uint k = 0; k < LANES; ++k) {
+        places.of[k] = points[ids[k]];
+        across.of[k] = strand_normal[strands[k]];
+        LANE(alpha, k) = types[(int)strand_uv[strands[k]].z].shine.z;
+    }
+    const lanes4 p = four_of(&places);
+    const lanes3 n = three_of(&across), at = {p.x, p.y, p.z};
     for (int i = 0; i < n_lights; ++i) {
-        const Obstacles obstacles = obstacles_of(&lighting, i);
-        lanes share = transmittances_at(&obstacles, I(ON), p, n, width, alpha);
+        Obstacles obstacles = obstacles_of(&lighting, i);
+        obstacles.ranges = ranged ? ranges + BLOCKS * BLOCKS * i : 0;
+        lanes share = transmittances_at(&obstacles, I(ON), at, n, p.w, alpha);
         for (uint k = 0; k < count; ++k)
             transmittances[(size_t)i * n_asked + first + k] = LANE(share, k);
     }
 }
+
+/* Where LANES segments begin and end: both are one where none begins. */
+typedef struct {
+    lanes_u from, to;
+} Ends;
 
 /* Segments: what they are like at their start, and how much of it changes to their end. */
 typedef struct {
@@ -84,52 +152,67 @@ typedef struct {
     lanes_i half_vector;                   // a mask
 } Segments;
 
-/* What LANES segments are like, those that begin at points `from` and end at `to`: both are one where none begins. */
-INLINED void take(Segments *s, Looks *looks, const Hair *hair, const uint *from, const uint *to)
+/* What LANES segments are like, those that begin at points ends->from of strands: and where they end. */
+INLINED void take(Segments *s, Looks *looks, Ends *ends, const Hair *hair, const uint *strands)
 {
-    lanes3 chords[2];
+    LaneRows a, b, before, after, colors;
+    ONE_BY_ONE
     for (int k = 0; k < LANES; ++k) {
-        const uint id = from[k], strand = strand_at(hair, id);
-        const uint2 span = hair->spans[strand];
-        const int kind = (int)hair->strand_uv[strand].z;
-        const float4 shine = hair->types[kind].shine;
-        const float4 a = hair->points[id], b = hair->points[to[k]];
-        const float4 before = id > span.x ? hair->points[id - 1] : a;
-        const float4 after = to[k] + 1 < span.x + span.y ? hair->points[to[k] + 1] : b;
-        const float4 c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
-        put_lane(&s->p, k, a);
-        put_lane(&s->p_step, k, b - a);
-        put_lane(&chords[0], k, b - before);
-        put_lane(&chords[1], k, after - a);
-        put_lane(&s->color, k, c);
-        put_lane(&s->color_step, k, hair->color_per == 2 ? hair->colors[to[k]] - c : (float4)(0.0f));
-        LANE(s->specular, k) = shine.x;
-        LANE(s->exponent, k) = shine.y;
-        LANE_I(s->half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
-        LANE_I(looks->kind, k) = kind;
-        LANE_I(looks->on, k) = (int)shine.w == CHIANG ? ON : 0;
+        const uint id = LANE_U(ends->from, k);
+        const uint2 span = hair->spans[strands[k]];
+        const uint behind = span.x + span.y, to = id + (id + 1 < behind);
+        a.of[k] = hair->points[id];
+        b.of[k] = hair->points[to];
+        before.of[k] = hair->points[id - (id > span.x)];
+        after.of[k] = hair->points[to + (to + 1 < behind)];
+        colors.of[k] = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strands[k] : id];
+        LANE_U(ends->to, k) = to;
+        LANE_I(looks->kind, k) = (int)hair->strand_uv[strands[k]].z;
     }
+    const lanes3 q = three_of(&b), none = {F(0.0f), F(0.0f), F(0.0f)};
+    s->p = three_of(&a);
+    s->p_step = minus(q, s->p);
+    const lanes3 chords[2] = {minus(q, three_of(&before)), minus(three_of(&after), s->p)};
+    s->color = three_of(&colors);
+    s->color_step = none;
+    if (hair->color_per == 2) {
+        for (int k = 0; k < LANES; ++k)
+            colors.of[k] = hair->colors[LANE_U(ends->to, k)];
+        s->color_step = minus(three_of(&colors), s->color);
+    }
+    /* Mostly they are all of one type. */
+    const int kind = LANE_I(looks->kind, 0);
+    const float4 shine = hair->types[kind].shine;
+    s->specular = F(shine.x);
+    s->exponent = F(shine.y);
+    s->half_vector = I((int)shine.w == HALF_VECTOR ? ON : 0);
+    looks->on = I((int)shine.w == CHIANG ? ON : 0);
+    if (any_lane(looks->kind != kind))
+        for (int k = 0; k < LANES; ++k) {
+            const float4 its = hair->types[LANE_I(looks->kind, k)].shine;
+            LANE(s->specular, k) = its.x;
+            LANE(s->exponent, k) = its.y;
+            LANE_I(s->half_vector, k) = (int)its.w == HALF_VECTOR ? ON : 0;
+            LANE_I(looks->on, k) = (int)its.w == CHIANG ? ON : 0;
+        }
     s->t = tangent_of_lanes(chords[0], s->p_step);
     s->t_step = minus(tangent_of_lanes(chords[1], s->p_step), s->t);
 }
 
-/* Places `at` of segments: where they are, what they are like there, unit vectors towards the eye. */
-typedef struct {
-    lanes3 p, v;
-    Fibres fibres;
-} Places;
-
-INLINED Places places_at(const View *view, const Segments *s, lanes at)
+/* How much of segments lies before place j. */
+INLINED lanes share_before(int j)
 {
-    Places here;
-    here.p = plus(s->p, scaled(s->p_step, at));
-    here.v = towards_eye_lanes(view, here.p);
-    here.fibres.tangent = unit_lanes_or(plus(s->t, scaled(s->t_step, at)), s->t);
-    here.fibres.color = plus(s->color, scaled(s->color_step, at));
-    here.fibres.specular = s->specular;
-    here.fibres.exponent = s->exponent;
-    here.fibres.half_vector = s->half_vector;
-    return here;
+    return F((float)j / (FEW_PLACES - 1));
+}
+
+INLINED lanes3 place_at(const Segments *s, int j)
+{
+    return plus(s->p, scaled(s->p_step, share_before(j)));
+}
+
+INLINED lanes3 color_at(const Segments *s, int j)
+{
+    return plus(s->color, scaled(s->color_step, share_before(j)));
 }
 
 /* How far inside a spot's cone places lie, as a cosine. l: towards the light. */
@@ -171,18 +254,17 @@ INLINED lanes distance_between(lanes3 a, lanes3 b)
 
 /* Which segments' light of light i changes too much between few places: they turn far from one to the next, by `turns` or
    as seen from the light too, cross many cells of its grid, or may cross the edge of a spot's cone. */
-INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const Segments *s, const Places *here,
-                            const lanes *turns)
+INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const Segments *s, const lanes *turns)
 {
     const Light light = lighting->lights[i];
     lanes most = F(0.0f);
     lanes_i needs = I(0);
     lanes3 l, before;
-    share_of_light(&light, here[0].p, &before);
+    share_of_light(&light, place_at(s, 0), &before);
     for (int j = 1; j < FEW_PLACES; ++j) {
         lanes turn = turns[j];
         if (light.position.w > 0.0f) {
-            share_of_light(&light, here[j].p, &l);
+            share_of_light(&light, place_at(s, j), &l);
             const lanes aside = distance_between(l, before);
             needs |= edge_between(&light, inside_cone(&light, l), inside_cone(&light, before), aside);
             turn += aside;
@@ -218,8 +300,9 @@ INLINED void put_places(__global ulong *places, int sources, int i, uint count, 
         packed[j] = known ? packed_lanes(sent[j], need) : (lanes_l)((long)MORE);
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * ((size_t)sources * k + i);
-        for (int j = 0; j < FEW_PLACES; ++j)
-            few[j] = LANE_L(packed[j], k);
+        const ulong its[FEW_PLACES] = {LANE_L(packed[0], k), LANE_L(packed[1], k), LANE_L(packed[2], k), LANE_L(packed[3], k),
+                                       LANE_L(packed[4], k)};
+        few[0] = its[0], few[1] = its[1], few[2] = its[2], few[3] = its[3], few[4] = its[4];
     }
 }
 
@@ -269,54 +352,63 @@ APART __kernel void radiance(
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item, count = range.y - first < LANES ? range.y - first : LANES;
+    const Divisor by_run = divisor(run);
     Segments s;
-    uint from[LANES], to[LANES];
+    Ends ends;
+    uint strands[LANES];
+    ONE_BY_ONE
     for (uint k = 0; k < LANES; ++k) {
-        from[k] = begin_of(first + (k < count ? k : 0), listed, segments, first_point, stored, run);
-        to[k] = end_of(&hair, from[k]);
+        LANE_U(ends.from, k) = begins_at(first + (k < count ? k : 0), listed, segments, first_point, stored, &by_run);
+        strands[k] = strand_of[divided(LANE_U(ends.from, k), &by_run)];
     }
-    take(&s, &looks, &hair, from, to);
-    Places here[FEW_PLACES];
-    for (int j = 0; j < FEW_PLACES; ++j)
-        here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
+    take(&s, &looks, &ends, &hair, strands);
+    lanes3 tangents[FEW_PLACES], towards_eye[FEW_PLACES];
     lanes turns[FEW_PLACES];
-    lanes_i some = I(0), inside = I(ON);
+    lanes_i some = I(0);
+    for (int j = 0; j < FEW_PLACES; ++j) {
+        tangents[j] = unit_lanes_or(plus(s.t, scaled(s.t_step, share_before(j))), s.t);
+        towards_eye[j] = towards_eye_lanes(&view, place_at(&s, j));
+    }
     for (int j = 1; j < FEW_PLACES; ++j)
-        turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
-    for (uint k = 0; k < LANES; ++k)
-        LANE_I(inside, k) = from[k] != to[k] ? ON : 0;
+        turns[j] = distance_between(tangents[j], tangents[j - 1]) + distance_between(towards_eye[j], towards_eye[j - 1]);
+    const lanes_i inside = ends.from != ends.to;
     const int sources = n_lights + under_sky + is_scattered;
     __global ulong *few = places + FEW_PLACES * sources * (size_t)first;
     for (int i = 0; i < n_lights; ++i) {
         const Light light = lights[i];
-        const lanes_i need = inside & change_much(&lighting, i, shadowed, &s, here, turns);
+        const lanes_i need = inside & change_much(&lighting, i, shadowed, &s, turns);
         lanes share = F(1.0f), share_step = F(0.0f);
         lanes3 sent[FEW_PLACES];
         some |= need;
         if (shadowed) {
             __global const float *there = transmittances + (size_t)i * n_asked;
+            ONE_BY_ONE
             for (uint k = 0; k < LANES; ++k) {
-                const uint start = of_ends ? 2 * (first + (k < count ? k : 0)) : from[k], last = of_ends ? start + 1 : to[k];
+                const uint start = of_ends ? 2 * (first + (k < count ? k : 0)) : LANE_U(ends.from, k);
                 LANE(share, k) = there[start];
-                LANE(share_step, k) = there[last] - there[start];
+                LANE(share_step, k) = there[of_ends ? start + 1 : LANE_U(ends.to, k)];
             }
+            share_step -= share;
         }
         for (int j = 0; j < FEW_PLACES && any_lane(need == 0); ++j) {
+            const Fibres here = {tangents[j], color_at(&s, j), s.specular, s.exponent, s.half_vector};
+            const lanes3 p = place_at(&s, j);
             lanes3 l;
-            const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
-            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, disc_at(&light, here[j].p), part);
+            const lanes part = share_of_light(&light, p, &l) * (share + share_before(j) * share_step);
+            sent[j] = any_lane(part > 0.0f) ? fibre_lanes(&light, &here, &looks, l, towards_eye[j], disc_at(&light, p), part)
+                                            : scaled(here.color, F(light.color.w));
         }
         put_places(few, sources, i, count, need, sent);
     }
     if (under_sky) {
         lanes3 light, light_step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            const float4 start = has_sky ? sky_light[from[k]] : 0.0f, end_there = has_sky ? sky_light[to[k]] : 0.0f;
+            const float4 start = has_sky ? sky_light[LANE_U(ends.from, k)] : 0.0f, end_there = has_sky ? sky_light[LANE_U(ends.to, k)] : 0.0f;
             put_lane(&light, k, start + even);
             put_lane(&light_step, k, end_there - start);
         }
         for (int j = 0; j < FEW_PLACES; ++j) {
-            const lanes3 there = plus(light, scaled(light_step, F((float)j / (FEW_PLACES - 1)))), c = here[j].fibres.color;
+            const lanes3 there = plus(light, scaled(light_step, share_before(j))), c = color_at(&s, j);
             sent[j].x = c.x * there.x;
             sent[j].y = c.y * there.y;
             sent[j].z = c.z * there.z;
@@ -326,11 +418,11 @@ APART __kernel void radiance(
     if (is_scattered) {
         lanes3 start, step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            put_lane(&start, k, scattered[from[k]]);
-            put_lane(&step, k, scattered[to[k]] - scattered[from[k]]);
+            put_lane(&start, k, scattered[LANE_U(ends.from, k)]);
+            put_lane(&step, k, scattered[LANE_U(ends.to, k)] - scattered[LANE_U(ends.from, k)]);
         }
         for (int j = 0; j < FEW_PLACES; ++j)
-            sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));
+            sent[j] = plus(start, scaled(step, share_before(j)));
         put_places(few, sources, n_lights + under_sky, count, I(0), sent);
     }
     uint needy = 0;

@@ -43,6 +43,7 @@ CONSTANTS = {
     "HEIGHTS": 64,          # of its table of means
     "FEW_PIECES": 2,        # of a segment, in which its light is a parabola,
     "FEW_PLACES": 5,        # and at how many places it is known,
+    "BLOCKS": 128,          # a side of a light's shadow map, of which it is known how deep they are
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell

@@ -1,6 +1,7 @@
 """Light of strands at places along them: the twin's values on every device, and how much is lost between the places."""
 
 import functools
+import itertools
 
 import attrs
 import numpy as np
@@ -65,6 +66,25 @@ def test_transmittances_of_ends_are_those_of_points(gpu, kind, n):
     there = strand_light.transmittance(gpu, strands, lighting).get()
     np.testing.assert_array_equal(ends.reshape(2, -1, 2), np.stack([there[:, starts], there[:, starts + 1]], 2))
     assert (ends < .9).any()
+
+
+@pytest.mark.parametrize("kind, size", [pytest.param("strand", 3, marks=pytest.mark.small), *itertools.product(
+    ["strand", "grown"], [4, 50, 128, 130, 300])])
+@pytest.mark.parametrize("light", [LIGHT, SPOT, attrs.evolve(LIGHT, size=30)], ids=["far", "spot", "disc"])
+def test_ranges_of_depths_change_nothing(gpu, monkeypatch, kind, size, light):
+    """The same bits, whether blocks of the map tell that all texels around a point hide it, or none, or nobody asks them:
+    of strands in any place, and of those that stand on the body, whose slopes count."""
+    scene = furry(kind, 4 if size == 3 else 2000, light=light)
+    if kind == "grown":
+        scene = attrs.evolve(scene, fur=attrs.evolve(scene.fur, roots=4000))
+    strands = strands_of(gpu, scene)
+    lighting = cast_shadows(gpu, scene, clfur.Settings(grid=16, shadow_map=size), strands, tessellate(gpu, scene.mesh))
+    found = []
+    for least in 0, 1 << 31:
+        monkeypatch.setattr(strand_light, "LEAST", least)
+        found.append(strand_light.transmittance(gpu, strands, lighting).get())
+    np.testing.assert_array_equal(*found)
+    assert size < 50 or ((found[0] == 0).any() and (found[0] > .5).any())
 
 
 @pytest.mark.parametrize("kind, form, n, shadowed", [

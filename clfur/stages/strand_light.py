@@ -14,7 +14,10 @@ from .strands import DeviceStrands, arrays
 from .transport import LEAVING, Transport, leaving
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
+RANGES = Declared("block", np.uint32)            # of depths in a light's shadow map
 FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
+BLOCKS = layout.CONSTANTS["BLOCKS"]              # of a map, a side
+LEAST = 8 * BLOCKS**2                            # points: for fewer, ranges take more than they save
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,12 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting, segments
     the start and the end of each of some ``segments``, [n] uint32 ids -> [lights, 2n]."""
     n = len(strands.points) if segments is None else 2 * len(segments)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n))
-    gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result,
+    ranged = gpu.lanes > 1 and n >= LEAST
+    ranges = RANGES.empty(gpu, len(lighting.lights) * BLOCKS**2 * ranged)
+    if ranged:
+        gpu.launch("strand_light.depth_ranges", len(ranges) // BLOCKS, shadows=lighting.shadows, light_views=lighting.light_views,
+                   shadow_maps=lighting.shadow_maps, ranges=ranges)
+    gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result, ranged=ranged, ranges=ranges,
                listed=segments is not None, segments=gpu.empty(0, np.uint32) if segments is None else segments,
                **lighting.arrays(), **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run",
                                              "strand_normal", "strand_uv", "types"))
@@ -123,4 +131,4 @@ def axes(gpu: Any, maps: Deep, strands: DeviceStrands, segments: Any, first: int
 
 def _items(gpu, n):
     """Work-items for n places side by side."""
-    return -(-n // min(gpu.lanes, 16))
+    return -(-n // gpu.lanes)
