@@ -111,40 +111,39 @@ ONCE void make_room(Tile *t)
     }
 }
 
-#define MOST_COVERED (2 * CHUNK)   // rows that wait
+#define TOGETHER 16                // segments that are looked at before their pieces are put into slots: all fits the first cache
+#define MOST_COVERED (2 * TOGETHER)   // rows of these
 
 /* What segments cover in rows of LANES pixels each: all are looked at first, and put into slots then, without branches that
    would be foreseen wrong. */
 typedef struct {
-    float shares[MOST_COVERED * LANES] ALIGNED;
+    float shares[MOST_COVERED * LANES] ALIGNED;      // of pixels; how long the segment is there where that isn't known so far:
+    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // its middle at both ends,
+    float radii[MOST_COVERED * LANES] ALIGNED;       // and half its width
     uint wheres[MOST_COVERED * LANES] ALIGNED;       // on the segment, and << 16 the pixel in the tile
     uint depths[MOST_COVERED * LANES] ALIGNED;
+    uint on[MOST_COVERED];                           // lanes that may cover something, a bit each
     uint ids[MOST_COVERED], numbers[MOST_COVERED];   // of each row's segment
 #if MASKS
     float8 strips[MOST_COVERED * LANES];
 #endif
-    ushort pieces[(MOST_COVERED + 1) * LANES];       // in which something is covered
-    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // middles, and half widths, of rows of
-    float radii[MOST_COVERED * LANES] ALIGNED;       // which no share is known so far, but how long they are
-    uint on[MOST_COVERED];                           // of these, where there may be one, a bit each
+    ushort pieces[(MOST_COVERED + 1) * LANES];       // lanes in which something is covered
     int n, n_pieces;                                 // rows, and these
+    ulong ranges[TILE * TILE] ALIGNED;               // how many keys from `lows` on each pixel takes
 } Drawing;
 
-/* How many keys from `lows` on each pixel takes. */
-INLINED void tell_ranges(const Tile *t, ulong *ranges)
+INLINED void tell_ranges(const Tile *t, Drawing *drawing)
 {
     for (int p = 0; p < TILE * TILE; ++p) {
         const ulong bound = (ulong)t->bounds[p] << 32, limit = t->limits[p], most = bound < limit ? bound : limit, low = t->lows[p];
-        ranges[p] = most > low ? most - low : 0;
+        drawing->ranges[p] = most > low ? most - low : 0;
     }
 }
 
 /* Put pieces into slots: each is written, and counted if it is seen, without a branch. */
 ONCE void put_pieces(Tile *t, Drawing *drawing)
 {
-    ulong ranges[TILE * TILE] ALIGNED;
     const uint n_pieces = drawing->n_pieces;
-    tell_ranges(t, ranges);
     for (uint i = 0; i < n_pieces; ++i) {
         const uint k = drawing->pieces[i], where = drawing->wheres[k], p = where >> 16, n = t->counts[p];
         const ulong key = (ulong)drawing->depths[k] << 32 | drawing->ids[k / LANES];
@@ -156,11 +155,11 @@ ONCE void put_pieces(Tile *t, Drawing *drawing)
 #if MASKS
         *(float8 *)&slots->strips[n] = drawing->strips[k];
 #endif
-        const uint m = n + (key - (ulong)t->lows[p] < ranges[p]);
+        const uint m = n + (key - (ulong)t->lows[p] < drawing->ranges[p]);
         t->counts[p] = m;
         if (RARELY(m == SLOTS)) {
             make_room(t);
-            tell_ranges(t, ranges);
+            tell_ranges(t, drawing);
         }
     }
     drawing->n = drawing->n_pieces = 0;
@@ -202,11 +201,11 @@ INLINED void wait_for_shares(const Tile *t, Drawing *drawing, const Chunk *chunk
     drawing->n += any_lane(on);
 }
 
-/* Rows from one on get their shares. */
-INLINED void find_shares(Drawing *drawing, int first)
+/* All rows get their shares. */
+INLINED void find_shares(Drawing *drawing)
 {
 #define OF(member) (*(const lanes *)(drawing->member + n * LANES))
-    for (int n = first; n < drawing->n; ++n)
+    for (int n = 0; n < drawing->n; ++n)
         end_row(drawing, n, share_between(OF(shares), OF(starts), OF(stops), OF(radii)), drawing->on[n]);
 }
 
@@ -262,42 +261,42 @@ INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const C
     return any_lane(todo >> 2);
 }
 
+/* Draw two rows of n segments of a chunk, after `skip` others; first_of: see `draw_two` -> how many have more, which are listed
+   in their place. */
+INLINED int draw_rows(Tile *t, Drawing *drawing, const View *view, const Picture *picture, const Chunk *chunk, ushort *list, int n,
+                      const int *firsts, int skip, const bool few)
+{
+    const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
+    int left = 0;
+    for (int first = 0; first < n; first += TOGETHER) {
+        for (int k = first; k < n && k < first + TOGETHER; ++k) {
+            const int i = list[k];
+            if (fetch)
+                PREFETCH(places_of(&picture->sent, chunk->number[i]));
+            list[left] = i;
+            left += draw_two(t, drawing, view, chunk, i, few ? firsts[i] : 0, skip, few);
+        }
+        find_shares(drawing);
+        put_pieces(t, drawing);
+    }
+    return left;
+}
+
 /* Draw the next m segments of a tile's list, in which so many are left. */
 ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *picture, __global const uint2 *list, int m, uint left,
                __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
-    const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
     Drawn drawn;
     prepare(&chunk, view, list, m, left, ends, ids, cuts);
     look_at(t, &chunk, m, &drawn);
+    tell_ranges(t, drawing);
     for (int k = 0; k < drawn.n_leaning; ++k)
         draw_leaning(t, drawing, view, &chunk, drawn.leaning[k]);
     if (drawn.n_leaning)
         put_pieces(t, drawing);
     for (int skip = 0; drawn.n_few | drawn.n_many; skip += 2) {
-        int n = 0, first = drawing->n;
-        for (int k = 0; k < drawn.n_few; ++k) {
-            const int i = drawn.few[k];
-            if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk.number[i]));
-            drawn.few[n] = i;
-            n += draw_two(t, drawing, view, &chunk, i, drawn.firsts[i], skip, true);
-        }
-        drawn.n_few = n;
-        find_shares(drawing, first);
-        first = drawing->n;
-        n = 0;
-        for (int k = 0; k < drawn.n_many; ++k) {
-            const int i = drawn.many[k];
-            if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk.number[i]));
-            drawn.many[n] = i;
-            n += draw_two(t, drawing, view, &chunk, i, 0, skip, false);
-        }
-        drawn.n_many = n;
-        find_shares(drawing, first);
-        if (!(drawn.n_few | n) || drawing->n + drawn.n_few + 2 * n > MOST_COVERED)
-            put_pieces(t, drawing);
+        drawn.n_few = draw_rows(t, drawing, view, picture, &chunk, drawn.few, drawn.n_few, drawn.firsts, skip, true);
+        drawn.n_many = draw_rows(t, drawing, view, picture, &chunk, drawn.many, drawn.n_many, drawn.firsts, skip, false);
     }
 }
