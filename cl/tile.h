@@ -111,40 +111,39 @@ ONCE void make_room(Tile *t)
     }
 }
 
-#define MOST_COVERED (2 * CHUNK)   // rows that wait
+#define MOST_COVERED 32            // rows that wait: these fit the first cache beside slots
 
 /* What segments cover in rows of LANES pixels each: all are looked at first, and put into slots then, without branches that
    would be foreseen wrong. */
 typedef struct {
-    float shares[MOST_COVERED * LANES] ALIGNED;
+    float shares[MOST_COVERED * LANES] ALIGNED;      // of pixels; how long the segment is there where that isn't known so far:
+    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // its middle at both ends,
+    float radii[MOST_COVERED * LANES] ALIGNED;       // and half its width
     uint wheres[MOST_COVERED * LANES] ALIGNED;       // on the segment, and << 16 the pixel in the tile
     uint depths[MOST_COVERED * LANES] ALIGNED;
+    uint on[MOST_COVERED];                           // lanes that may cover something, a bit each
     uint ids[MOST_COVERED], numbers[MOST_COVERED];   // of each row's segment
 #if MASKS
     float8 strips[MOST_COVERED * LANES];
 #endif
-    ushort pieces[(MOST_COVERED + 1) * LANES];       // in which something is covered
-    float starts[MOST_COVERED * LANES] ALIGNED, stops[MOST_COVERED * LANES] ALIGNED;   // middles, and half widths, of rows of
-    float radii[MOST_COVERED * LANES] ALIGNED;       // which no share is known so far, but how long they are
-    uint on[MOST_COVERED];                           // of these, where there may be one, a bit each
-    int n, n_pieces;                                 // rows, and these
+    ushort pieces[(MOST_COVERED + 1) * LANES];       // lanes in which something is covered
+    int n_pieces;                                    // of these
+    const Sent *fetched;                             // where light of segments is fetched from ahead, or 0
+    ulong ranges[TILE * TILE] ALIGNED;               // how many keys from `lows` on each pixel takes
 } Drawing;
 
-/* How many keys from `lows` on each pixel takes. */
-INLINED void tell_ranges(const Tile *t, ulong *ranges)
+INLINED void tell_ranges(const Tile *t, Drawing *drawing)
 {
     for (int p = 0; p < TILE * TILE; ++p) {
         const ulong bound = (ulong)t->bounds[p] << 32, limit = t->limits[p], most = bound < limit ? bound : limit, low = t->lows[p];
-        ranges[p] = most > low ? most - low : 0;
+        drawing->ranges[p] = most > low ? most - low : 0;
     }
 }
 
 /* Put pieces into slots: each is written, and counted if it is seen, without a branch. */
-ONCE void put_pieces(Tile *t, Drawing *drawing)
+INLINED void put_pieces(Tile *t, Drawing *drawing)
 {
-    ulong ranges[TILE * TILE] ALIGNED;
     const uint n_pieces = drawing->n_pieces;
-    tell_ranges(t, ranges);
     for (uint i = 0; i < n_pieces; ++i) {
         const uint k = drawing->pieces[i], where = drawing->wheres[k], p = where >> 16, n = t->counts[p];
         const ulong key = (ulong)drawing->depths[k] << 32 | drawing->ids[k / LANES];
@@ -156,41 +155,43 @@ ONCE void put_pieces(Tile *t, Drawing *drawing)
 #if MASKS
         *(float8 *)&slots->strips[n] = drawing->strips[k];
 #endif
-        const uint m = n + (key - (ulong)t->lows[p] < ranges[p]);
+        const uint m = n + (key - (ulong)t->lows[p] < drawing->ranges[p]);
         t->counts[p] = m;
         if (RARELY(m == SLOTS)) {
             make_room(t);
-            tell_ranges(t, ranges);
+            tell_ranges(t, drawing);
         }
     }
-    drawing->n = drawing->n_pieces = 0;
+    drawing->n_pieces = 0;
 }
 
 /* Let row n be of segment i of a chunk in columns u and rows v. */
-INLINED void begin_row(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v)
+INLINED void begin_row(const Tile *t, Drawing *drawing, int n, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v)
 {
-    const int u_stride = chunk->steep[i] ? TILE : 1, v_stride = chunk->steep[i] ? 1 : TILE, at = drawing->n * LANES;
+    const int u_stride = chunk->steep[i] ? TILE : 1, v_stride = chunk->steep[i] ? 1 : TILE, at = n * LANES;
     const lanes_i pixel = u * u_stride + v * v_stride - (t->top * TILE + t->left);
     *(lanes_i *)(drawing->wheres + at) = place_in(column, v) | pixel << 16;
     *(lanes_i *)(drawing->depths + at) = column->depth;
-    drawing->ids[drawing->n] = chunk->id[i];
-    drawing->numbers[drawing->n] = chunk->number[i];
+    drawing->ids[n] = chunk->id[i];
+    drawing->numbers[n] = chunk->number[i];
 }
 
 /* Row n has its shares. */
 INLINED void end_row(Drawing *drawing, int n, lanes share, uint on)
 {
+    if (drawing->fetched)
+        PREFETCH(places_of(drawing->fetched, drawing->numbers[n]));
     *(lanes *)(drawing->shares + n * LANES) = share;
     drawing->n_pieces += list_lanes(drawing->pieces + drawing->n_pieces, bits_of(share > 0.0f) & on, n * LANES);
 }
 
-/* A row waits for its shares, if any are on. */
-INLINED void wait_for_shares(const Tile *t, Drawing *drawing, const Chunk *chunk, int i, const Column *column, lanes_i u, lanes_i v,
-                             lanes_i on)
+/* Row n waits for its shares -> how many rows wait: not this one if none are on. */
+INLINED int wait_for_shares(const Tile *t, Drawing *drawing, int n, const Chunk *chunk, int i, const Column *column, lanes_i u,
+                            lanes_i v, lanes_i on)
 {
-    const int at = drawing->n * LANES;
+    const int at = n * LANES;
     const lanes vf = REAL(v);              // as in `share_of`
-    begin_row(t, drawing, chunk, i, column, u, v);
+    begin_row(t, drawing, n, chunk, i, column, u, v);
 #if MASKS
     strips_of(chunk, i, column, u, v, drawing->strips + at);
 #endif
@@ -198,16 +199,17 @@ INLINED void wait_for_shares(const Tile *t, Drawing *drawing, const Chunk *chunk
     *(lanes *)(drawing->starts + at) = column->v0 - vf;
     *(lanes *)(drawing->stops + at) = column->v1 - vf;
     *(lanes *)(drawing->radii + at) = column->radius;
-    drawing->on[drawing->n] = bits_of(on);
-    drawing->n += any_lane(on);
+    drawing->on[n] = bits_of(on);
+    return n + any_lane(on);
 }
 
-/* Rows from one on get their shares. */
-INLINED void find_shares(Drawing *drawing, int first)
+/* n rows get their shares, and their pieces are put into slots. */
+ONCE void end_rows(Tile *t, Drawing *drawing, int n)
 {
-#define OF(member) (*(const lanes *)(drawing->member + n * LANES))
-    for (int n = first; n < drawing->n; ++n)
-        end_row(drawing, n, share_between(OF(shares), OF(starts), OF(stops), OF(radii)), drawing->on[n]);
+#define OF(member) (*(const lanes *)(drawing->member + k * LANES))
+    for (int k = 0; k < n; ++k)
+        end_row(drawing, k, share_between(OF(shares), OF(starts), OF(stops), OF(radii)), drawing->on[k]);
+    put_pieces(t, drawing);
 }
 
 /* Open pixels of columns from row v on that a segment may touch, a bit each; open: all of each column's; v0: the tile's
@@ -229,20 +231,19 @@ ONCE void draw_leaning(Tile *t, Drawing *drawing, const View *view, const Chunk 
     outline_of(chunk, i, view, u, &column, &outline);
     lanes_i v = column.low > v0 ? column.low : v0;
     lanes_i todo = to_do(&column, steep ? t->in_rows : t->in_columns, v, v0);
-    for (; any_lane(todo); v += 1, todo >>= 1) {
-        begin_row(t, drawing, chunk, i, &column, u, v);
+    for (int n = 0; any_lane(todo); ++n, v += 1, todo >>= 1) {
+        begin_row(t, drawing, n, chunk, i, &column, u, v);
 #if MASKS
-        leaning_strips_of(chunk, i, &column, u, v, drawing->strips + drawing->n * LANES);
+        leaning_strips_of(chunk, i, &column, u, v, drawing->strips + n * LANES);
 #endif
-        end_row(drawing, drawing->n++, share_within(&outline, v), bits_of((todo & 1) != 0));
+        end_row(drawing, n, share_within(&outline, v), bits_of((todo & 1) != 0));
     }
-    if (drawing->n > MOST_COVERED - TILE)
-        put_pieces(t, drawing);
+    put_pieces(t, drawing);
 }
 
 /* Look at two rows of each column of segment i of a chunk, after `skip` others: eight columns side by side, or four from the
    tile's `first` on and both rows -> whether there are more. */
-INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, int first, int skip,
+INLINED bool draw_two(const Tile *t, Drawing *drawing, int *n, const View *view, const Chunk *chunk, int i, int first, int skip,
                       const bool few)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
@@ -254,50 +255,47 @@ INLINED bool draw_two(const Tile *t, Drawing *drawing, const View *view, const C
     const lanes_i top = (column.low > v0 ? column.low : v0) + skip, todo = to_do(&column, open, top, v0);
     if (few) {
         const lanes_i second = (lanes_i)(0, 0, 0, 0, 1, 1, 1, 1);
-        wait_for_shares(t, drawing, chunk, i, &column, u, top + second, (todo >> second & 1) != 0);
+        *n = wait_for_shares(t, drawing, *n, chunk, i, &column, u, top + second, (todo >> second & 1) != 0);
     } else {
-        wait_for_shares(t, drawing, chunk, i, &column, u, top, (todo & 1) != 0);
-        wait_for_shares(t, drawing, chunk, i, &column, u, top + 1, (todo & 2) != 0);
+        *n = wait_for_shares(t, drawing, *n, chunk, i, &column, u, top, (todo & 1) != 0);
+        *n = wait_for_shares(t, drawing, *n, chunk, i, &column, u, top + 1, (todo & 2) != 0);
     }
     return any_lane(todo >> 2);
 }
 
+/* Draw two rows of n segments of a chunk that are listed, after `skip` others: see `draw_two`.  rows: how many wait -> how many
+   segments have more, which are listed in place of all. */
+INLINED int draw_rows(Tile *t, Drawing *drawing, int *rows, const View *view, const Chunk *chunk, ushort *list, int n,
+                      const int *firsts, int skip, const bool few)
+{
+    int left = 0;
+    for (int k = 0; k < n; ++k) {
+        const int i = list[k];
+        list[left] = i;
+        left += draw_two(t, drawing, rows, view, chunk, i, few ? firsts[i] : 0, skip, few);
+        if (*rows > MOST_COVERED - 2) {
+            end_rows(t, drawing, *rows);
+            *rows = 0;
+        }
+    }
+    return left;
+}
+
 /* Draw the next m segments of a tile's list, in which so many are left. */
-ONCE void draw(Tile *t, Drawing *drawing, const View *view, const Picture *picture, __global const uint2 *list, int m, uint left,
+ONCE void draw(Tile *t, Drawing *drawing, const View *view, __global const uint2 *list, int m, uint left,
                __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
-    const bool fetch = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE;
     Drawn drawn;
+    int rows = 0;
     prepare(&chunk, view, list, m, left, ends, ids, cuts);
     look_at(t, &chunk, m, &drawn);
+    tell_ranges(t, drawing);
     for (int k = 0; k < drawn.n_leaning; ++k)
         draw_leaning(t, drawing, view, &chunk, drawn.leaning[k]);
-    if (drawn.n_leaning)
-        put_pieces(t, drawing);
     for (int skip = 0; drawn.n_few | drawn.n_many; skip += 2) {
-        int n = 0, first = drawing->n;
-        for (int k = 0; k < drawn.n_few; ++k) {
-            const int i = drawn.few[k];
-            if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk.number[i]));
-            drawn.few[n] = i;
-            n += draw_two(t, drawing, view, &chunk, i, drawn.firsts[i], skip, true);
-        }
-        drawn.n_few = n;
-        find_shares(drawing, first);
-        first = drawing->n;
-        n = 0;
-        for (int k = 0; k < drawn.n_many; ++k) {
-            const int i = drawn.many[k];
-            if (fetch)
-                PREFETCH(places_of(&picture->sent, chunk.number[i]));
-            drawn.many[n] = i;
-            n += draw_two(t, drawing, view, &chunk, i, 0, skip, false);
-        }
-        drawn.n_many = n;
-        find_shares(drawing, first);
-        if (!(drawn.n_few | n) || drawing->n + drawn.n_few + 2 * n > MOST_COVERED)
-            put_pieces(t, drawing);
+        drawn.n_few = draw_rows(t, drawing, &rows, view, &chunk, drawn.few, drawn.n_few, drawn.firsts, skip, true);
+        drawn.n_many = draw_rows(t, drawing, &rows, view, &chunk, drawn.many, drawn.n_many, drawn.firsts, skip, false);
     }
+    end_rows(t, drawing, rows);
 }

@@ -221,12 +221,13 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Drawing drawing;
-    drawing.n = drawing.n_pieces = 0;
+    drawing.n_pieces = 0;
+    drawing.fetched = picture->lit && picture->glow->store->when == LIGHT_AT_ONCE ? &picture->sent : 0;
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && (t->overflow.list < 0 ? fullest < SLOTS / 2 : t->overflow.n < t->overflow.goal);) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
-            draw(t, &drawing, view, picture, sorted + next, m, n - next, ends, ids, cuts);
+            draw(t, &drawing, view, sorted + next, m, n - next, ends, ids, cuts);
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;

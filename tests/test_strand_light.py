@@ -72,8 +72,8 @@ def test_transmittances_of_ends_are_those_of_points(gpu, kind, n):
     ["strand", "grown"], [4, 50, 128, 130, 300])])
 @pytest.mark.parametrize("light", [LIGHT, SPOT, attrs.evolve(LIGHT, size=30)], ids=["far", "spot", "disc"])
 def test_ranges_of_depths_change_nothing(gpu, monkeypatch, kind, size, light):
-    """The same bits, whether blocks of the map tell that all texels around a point hide it, or none, or nobody asks them:
-    of strands in any place, and of those that stand on the body, whose slopes count."""
+    """The same bits, whether blocks of the map tell that all texels around a point hide it, or none, or nobody asks
+    them: of strands in any place, and of those that stand on the body, whose slopes count."""
     scene = furry(kind, 4 if size == 3 else 2000, light=light)
     if kind == "grown":
         scene = attrs.evolve(scene, fur=attrs.evolve(scene.fur, roots=4000))

@@ -25,7 +25,7 @@ from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import size_of
 from ..stages.sky import POINT_LIGHT
 from ..stages.sky import bytes_of as sky_bytes
-from ..stages.strand_light import BLOCKS, RANGES, TRANSMITTANCE, Places
+from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, STAGES, DeviceStrands, Packed
 from ..stages.tessellate import Source, Surface
 from ..stages.transport import ASKED, LEAVING
@@ -71,7 +71,7 @@ def of_fixed(plan: Any) -> int:
     fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, plan.rest) if mesh), default=0)
     casting = sum(light.casts for light in scene.lights)
     maps = casting * (1 + (casting > 1))                                 # several are put together from as many
-    fixed += maps * Lighting.bytes(sample=settings.shadow_map**2) + casting * RANGES.bytes * BLOCKS**2
+    fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
     if settings.shadows != "off" and (plan.strands or scene.shells):
         layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
         fixed += casting * (CELLS.bytes * settings.grid**3 + layers)

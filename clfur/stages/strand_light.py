@@ -45,15 +45,17 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting, segments
     the start and the end of each of some ``segments``, [n] uint32 ids -> [lights, 2n]."""
     n = len(strands.points) if segments is None else 2 * len(segments)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n))
-    ranged = gpu.lanes > 1 and n >= LEAST
-    ranges = RANGES.empty(gpu, len(lighting.lights) * BLOCKS**2 * ranged)
+    blocks = len(lighting.lights) * BLOCKS**2 if lighting.shadow_maps.size else 0
+    ranged = blocks > 0 and gpu.lanes > 1 and n >= LEAST and gpu.room >= blocks * RANGES.bytes
+    ranges = RANGES.empty(gpu, blocks * ranged)
     if ranged:
-        gpu.launch("strand_light.depth_ranges", len(ranges) // BLOCKS, shadows=lighting.shadows, light_views=lighting.light_views,
-                   shadow_maps=lighting.shadow_maps, ranges=ranges)
-    gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result, ranged=ranged, ranges=ranges,
-               listed=segments is not None, segments=gpu.empty(0, np.uint32) if segments is None else segments,
-               **lighting.arrays(), **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run",
-                                             "strand_normal", "strand_uv", "types"))
+        gpu.launch("strand_light.depth_ranges", blocks // BLOCKS, shadows=lighting.shadows, ranges=ranges,
+                   light_views=lighting.light_views, shadow_maps=lighting.shadow_maps)
+    gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result, ranged=ranged,
+               ranges=ranges, listed=segments is not None,
+               segments=gpu.empty(0, np.uint32) if segments is None else segments, **lighting.arrays(),
+               **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run", "strand_normal",
+                        "strand_uv", "types"))
     return result
 
 
