@@ -314,6 +314,153 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 #endif
 }
 
+#if LANES > 1 && !MASKS
+#define FEW 16
+
+/* Put up to 8 * groups pieces of different depths in order -> the bits of those that are before `until`, or 0 where it is not known. */
+INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, int *order, uint *before)
+{
+    const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    int depths[FEW] ALIGNED, ranks[FEW] ALIGNED;
+    int8 mine[2], rank[2], ones = 0;
+    *before = 0;
+    #pragma unroll
+    for (int g = 0; g < groups; ++g) {
+        const int8 a = *(const int8 *)(slots->keys + 8 * g), b = *(const int8 *)(slots->keys + 8 * g + 4);
+        const int8 depth = (int8)(a.s1357, b.s1357);
+        mine[g] = lane < n - 8 * g ? depth : (int8)(INT_MAX);
+        *before |= bits_of_eight(mine[g] < until) << 8 * g;
+        *(int8 *)(depths + 8 * g) = mine[g];
+        rank[g] = 0;
+    }
+    #pragma unroll
+    for (int k = 0; k < 8 * groups; ++k) {
+        #pragma unroll
+        for (int g = 0; g < groups; ++g)
+            rank[g] -= depths[k] < mine[g];
+    }
+    #pragma unroll
+    for (int g = 0; g < groups; ++g) {
+        ones |= (int8)1 << rank[g];
+        *(int8 *)(ranks + 8 * g) = rank[g];
+    }
+    #pragma unroll
+    for (int j = 0; j < 8 * groups; ++j)
+        order[ranks[j]] = j;
+    const int4 four = ones.lo | ones.hi;
+    const uint all = (four.x | four.y) | (four.z | four.w), wanted = (1u << n) - 1;
+    return (all & wanted) == wanted;
+}
+
+/* As that, of any, by their keys. */
+INLINED void in_order_by_keys(Slots *slots, int n, long until, int *order, uint *before)
+{
+    *before = 0;
+    for (int j = 0; j < n; ++j)
+        *before |= (uint)(slots->keys[j] < until) << j;
+    slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
+    for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
+        const long4 mine = FOUR(slots->keys + j);
+        long4 rank = 0;
+        for (int k = 0; k < n; k += 4) {
+            rank -= slots->keys[k] < mine;
+            rank -= slots->keys[k + 1] < mine;
+            rank -= slots->keys[k + 2] < mine;
+            rank -= slots->keys[k + 3] < mine;
+        }
+        order[rank.x] = j;
+        order[rank.y] = j + 1;
+        order[rank.z] = j + 2;
+        order[rank.w] = j + 3;
+    }
+}
+
+INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
+{
+    int order[SLOTS + 4];
+    float weights[SLOTS];
+    uint before;
+    const bool plain = n <= FEW && ((uint)until == 0 || until == LONG_MAX);
+    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), order, &before)
+                    : few_in_order(slots, n, 2, (int)(until >> 32), order, &before))))
+        in_order_by_keys(slots, n, until, order, &before);
+    if (!before)
+        return n;
+    const int m = __builtin_popcount(before);
+    const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
+    float kept = p->kept, room = p->room, most = p->most;
+    uint8 base = p->lows - 1, span = p->lows > p->highs ? 0 : p->highs - p->lows + 2;
+    uint begun = p->chains;
+    uint next = p->event < p->events ? p->depths[p->event] : NOTHING;
+    ulong best = p->best;
+    int i = 0;
+    bool more = kept * room > UNSEEN;
+    while (more && i < m) {
+        const int j = order[i];
+        const long key = slots->keys[j];
+        const uint id = (uint)key;
+        if (RARELY((uint)(key >> 32) >= next)) {
+            p->kept = kept;
+            pass_event(p, picture->samples);
+            room = p->room;
+            next = p->event < p->events ? p->depths[p->event] : NOTHING;
+            more = kept * room > UNSEEN;
+            continue;
+        }
+        const float share = slots->shares[j];
+        const uint beside = bits_of_eight(as_int8(id - base <= span));
+        float hidden;
+        if (RARELY(beside)) {
+            const int chain = first_of(beside);
+            const int8 here = lane == (uint)chain;
+            const uint8 low = base + 1, high = base + span - 1;
+            const uint8 new_low = id < low ? id : low, new_high = id > high ? id : high;
+            base = here ? new_low - 1 : base;
+            span = here ? new_high - new_low + 2 : span;
+            const float before = ((float *)&p->sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+            ((float *)&p->sums)[chain] = sum;
+            hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
+        } else {
+            const uint chain = begun++ % CHAINS;
+            const int8 here = lane == chain;
+            base = here ? id - 1 : base;
+            span = here ? 2 : span;
+            const float sum = share < 1.0f ? share : 1.0f;
+            ((float *)&p->sums)[chain] = sum;
+            hidden = kept * sum;
+        }
+        kept -= hidden;
+        float weight = hidden * room;
+        if (RARELY(!(kept * room > UNSEEN))) {
+            weight += kept * room;
+            kept = 0.0f;
+            more = false;
+        }
+        const bool is_best = weight > most;
+        most = is_best ? weight : most;
+        best = is_best ? key : best;
+        weights[i++] = weight;
+    }
+    p->kept = kept;
+    p->most = most;
+    p->best = best;
+    p->lows = base + 1;
+    p->highs = base + span - 1;
+    p->chains = begun;
+    p->closed = !more;
+    if (picture->lit)
+        for (int k = 0; k < i; ++k)
+            shine(picture, p, weights[k], slots->numbers[order[k]], slots->wheres[order[k]]);
+    if (i == n || !more)
+        return 0;
+    int left = 0;
+    for (uint bits = ~before & (uint)((1ul << n) - 1); bits; bits &= bits - 1, ++left) {
+        const int j = __builtin_ctz(bits);
+        COPY_PIECE(slots, left, slots, j)
+    }
+    return left;
+}
+#else
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
@@ -387,6 +534,8 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     }
     return left;
 }
+
+#endif
 
 /* All strands are hidden: samples that are left end, and what fills most of the pixel is known. */
 INLINED void end_pixel(Pixel *p, const Picture *picture)
