@@ -3,6 +3,7 @@
  * are looked up in places.h with the expressions of `light_between`, or lit by exact_light.h, and added in their order.
  * Or they are stored meanwhile, and their segments marked: so only those get light that are seen.  coverage.cl uses this.
  */
+#define PF 1
 #define LIGHT_AT_ONCE 0              // of all segments light is known;
 #define LIGHT_LATER 1                // of none: pieces are stored, and their segments marked;
 #define LIGHT_NOW 2                  // of these
@@ -22,9 +23,9 @@ typedef struct {
 
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
-    uint numbers[GLOWS] ALIGNED;
-    uint wheres[GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
-    float weights[GLOWS] ALIGNED;
+    uint numbers[GLOWS + GLOWS] ALIGNED;
+    uint wheres[GLOWS + GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
+    float weights[GLOWS + GLOWS] ALIGNED;
     uint slots[GLOWS] ALIGNED;       // where their places are
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     float4 lights[TILE * TILE];      // of pixels, so far
@@ -193,6 +194,41 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
         glow->slots[k] = glow->store->when == LIGHT_NOW ? glow->store->slots[glow->numbers[k]] : glow->numbers[k];
     glow_known(glow, n, known);
+}
+
+typedef struct {
+    uint *numbers, *wheres;
+    float *weights;
+} Waiting;
+
+INLINED Waiting waiting(Glow *glow)
+{
+    const Waiting to = {glow->numbers + glow->n, glow->wheres + glow->n, glow->weights + glow->n};
+    return to;
+}
+
+/* Add the next n that stand behind those that wait. */
+INLINED void add_glows(Glow *glow, const Sent *known, int n)
+{
+    const int waiting = glow->n + n;
+    if (PF && glow->store->when == LIGHT_AT_ONCE)
+        for (int k = glow->n; k < waiting; ++k) {
+            PREFETCH(places_of(known, glow->numbers[k]));
+            PREFETCH(places_of(known, glow->numbers[k]) + 4);
+            if (known->deep.longest)
+                PREFETCH(known->deep.axes + glow->numbers[k]);
+        }
+    glow->n = waiting;
+    if (waiting < GLOWS)
+        return;
+    glow->n = GLOWS;
+    glow_all(glow, known);
+    glow->n = waiting - GLOWS;
+    for (int k = 0; k < SLOTS; k += 8) {
+        *(uint8 *)(glow->numbers + k) = *(const uint8 *)(glow->numbers + GLOWS + k);
+        *(uint8 *)(glow->wheres + k) = *(const uint8 *)(glow->wheres + GLOWS + k);
+        *(float8 *)(glow->weights + k) = *(const float8 *)(glow->weights + GLOWS + k);
+    }
 }
 
 INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where)

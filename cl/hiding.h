@@ -318,7 +318,8 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 #define FEW 16
 
 /* Put up to 8 * groups pieces of different depths in order -> the bits of those that are before `until`, or 0 where it is not known. */
-INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, int *order, uint *before)
+INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, int *order, uint *before, uint pixel,
+                          Waiting to)
 {
     const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     int depths[FEW] ALIGNED, ranks[FEW] ALIGNED;
@@ -346,7 +347,11 @@ INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until
     }
     #pragma unroll
     for (int j = 0; j < 8 * groups; ++j)
+    {
         order[ranks[j]] = j;
+        to.numbers[ranks[j]] = slots->numbers[j];
+        to.wheres[ranks[j]] = (slots->wheres[j] & 0xFFFF) | pixel << 16;
+    }
     const int4 four = ones.lo | ones.hi;
     const uint all = (four.x | four.y) | (four.z | four.w), wanted = (1u << n) - 1;
     return (all & wanted) == wanted;
@@ -378,12 +383,19 @@ INLINED void in_order_by_keys(Slots *slots, int n, long until, int *order, uint 
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4];
-    float weights[SLOTS];
+    const Waiting to = waiting(picture->glow);
+    const uint pixel = p->number;
     uint before;
     const bool plain = n <= FEW && ((uint)until == 0 || until == LONG_MAX);
-    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), order, &before)
-                    : few_in_order(slots, n, 2, (int)(until >> 32), order, &before))))
+    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), order, &before, pixel, to)
+                    : few_in_order(slots, n, 2, (int)(until >> 32), order, &before, pixel, to))))
+    {
         in_order_by_keys(slots, n, until, order, &before);
+        for (int k = 0; k < n; ++k) {
+            to.numbers[k] = slots->numbers[order[k]];
+            to.wheres[k] = (slots->wheres[order[k]] & 0xFFFF) | pixel << 16;
+        }
+    }
     if (!before)
         return n;
     const int m = __builtin_popcount(before);
@@ -439,7 +451,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         const bool is_best = weight > most;
         most = is_best ? weight : most;
         best = is_best ? key : best;
-        weights[i++] = weight;
+        to.weights[i++] = weight;
     }
     p->kept = kept;
     p->most = most;
@@ -449,8 +461,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     p->chains = begun;
     p->closed = !more;
     if (picture->lit)
-        for (int k = 0; k < i; ++k)
-            shine(picture, p, weights[k], slots->numbers[order[k]], slots->wheres[order[k]]);
+        add_glows(picture->glow, &picture->sent, i);
     if (i == n || !more)
         return 0;
     int left = 0;
