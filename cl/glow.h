@@ -191,8 +191,12 @@ INLINED void glow_all(Glow *glow, const Sent *known)
             store_glow(glow);
         return;
     }
-    for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
-        glow->slots[k] = glow->store->when == LIGHT_NOW ? glow->store->slots[glow->numbers[k]] : glow->numbers[k];
+    if (glow->store->when == LIGHT_NOW)
+        for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
+            glow->slots[k] = glow->store->slots[glow->numbers[k]];
+    else
+        for (int k = 0; k < n; k += LANES)
+            *(lanes_u *)(glow->slots + k) = *(const lanes_u *)(glow->numbers + k);
     glow_known(glow, n, known);
 }
 

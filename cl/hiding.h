@@ -315,54 +315,80 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 }
 
 #if LANES > 1 && !MASKS
-#define FEW 16
+#define FEW 16                       // pieces that are put in order without a loop
 
-/* Put up to 8 * groups pieces of different depths in order -> the bits of those that are before `until`, or 0 where it is not known. */
-INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, int *order, uint *before, uint pixel,
-                          Waiting to)
+/* Pieces of a pixel in their order. */
+typedef struct {
+    int depths[SLOTS + 8] ALIGNED;
+    uint ids[SLOTS + 8] ALIGNED;
+    float shares[SLOTS + 8] ALIGNED;
+    uint near;                       // those whose ids follow those of the ones before them, a bit each
+} Ordered;
+
+typedef int8 int8_at_4 __attribute__((aligned(4)));
+
+/* The numbers of up to 16 lanes that `order` tells, four bits each; eight of them, from 8 * g on. */
+INLINED int8 among(const int8 *v, const int groups, ulong order, int g)
+{
+    const int8 which = as_int8((uint8)((uint)(order >> 32 * g)) >> (uint8)(0, 4, 8, 12, 16, 20, 24, 28) & 15);
+    const int8 first = lanes_at(v[0], which);
+    return groups == 1 ? first : which > 7 ? lanes_at(v[groups - 1], which) : first;
+}
+
+/* Put n pieces of different depths in order, 8 * groups at most -> whether they were. soon: of those that lie before a depth, a bit each. */
+INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, uint pixel, Ordered *row, Waiting to, uint *soon)
 {
     const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    int depths[FEW] ALIGNED, ranks[FEW] ALIGNED;
-    int8 mine[2], rank[2], ones = 0;
-    *before = 0;
+    int depths[FEW] ALIGNED;
+    int8 depth[2], id[2], share[2], number[2], where[2], rank[2], ones = 0;
+    *soon = 0;
     #pragma unroll
     for (int g = 0; g < groups; ++g) {
         const int8 a = *(const int8 *)(slots->keys + 8 * g), b = *(const int8 *)(slots->keys + 8 * g + 4);
-        const int8 depth = (int8)(a.s1357, b.s1357);
-        mine[g] = lane < n - 8 * g ? depth : (int8)(INT_MAX);
-        *before |= bits_of_eight(mine[g] < until) << 8 * g;
-        *(int8 *)(depths + 8 * g) = mine[g];
+        depth[g] = lane < n - 8 * g ? (int8)(a.s1357, b.s1357) : (int8)(INT_MAX);
+        id[g] = (int8)(a.s0246, b.s0246);
+        share[g] = *(const int8_at_4 *)(slots->shares + 8 * g);
+        number[g] = *(const int8_at_4 *)(slots->numbers + 8 * g);
+        where[g] = *(const int8_at_4 *)(slots->wheres + 8 * g) & 0xFFFF | (int)(pixel << 16);
+        *(int8 *)(depths + 8 * g) = depth[g];
+        *soon |= bits_of_eight(depth[g] < until) << 8 * g;
         rank[g] = 0;
     }
+    if (!*soon)
+        return true;
     #pragma unroll
     for (int k = 0; k < 8 * groups; ++k) {
         #pragma unroll
         for (int g = 0; g < groups; ++g)
-            rank[g] -= depths[k] < mine[g];
+            rank[g] -= depths[k] < depth[g];
     }
+    ulong4 places = 0;
     #pragma unroll
     for (int g = 0; g < groups; ++g) {
         ones |= (int8)1 << rank[g];
-        *(int8 *)(ranks + 8 * g) = rank[g];
+        const uint8 bits = as_uint8(rank[g] * 4);
+        places |= (ulong4)(0, 1, 2, 3) + (ulong)(8 * g) << __builtin_convertvector(bits.lo, ulong4);
+        places |= (ulong4)(4, 5, 6, 7) + (ulong)(8 * g) << __builtin_convertvector(bits.hi, ulong4);
     }
-    #pragma unroll
-    for (int j = 0; j < 8 * groups; ++j)
-    {
-        order[ranks[j]] = j;
-        to.numbers[ranks[j]] = slots->numbers[j];
-        to.wheres[ranks[j]] = (slots->wheres[j] & 0xFFFF) | pixel << 16;
-    }
+    const ulong order = (places.x | places.y) | (places.z | places.w);
     const int4 four = ones.lo | ones.hi;
     const uint all = (four.x | four.y) | (four.z | four.w), wanted = (1u << n) - 1;
+    row->near = 0;
+    #pragma unroll
+    for (int g = 0; g < groups; ++g) {
+        *(int8 *)(row->depths + 8 * g) = among(depth, groups, order, g);
+        *(int8 *)(row->ids + 8 * g) = among(id, groups, order, g);
+        *(int8 *)(row->shares + 8 * g) = among(share, groups, order, g);
+        *(int8_at_4 *)(to.numbers + 8 * g) = among(number, groups, order, g);
+        *(int8_at_4 *)(to.wheres + 8 * g) = among(where, groups, order, g);
+    }
     return (all & wanted) == wanted;
 }
 
-/* As that, of any, by their keys. */
-INLINED void in_order_by_keys(Slots *slots, int n, long until, int *order, uint *before)
+/* As that, any pieces. */
+ONCE void in_order_by_keys(Slots *slots, int n, long until, uint pixel, Ordered *row, Waiting to, uint *soon)
 {
-    *before = 0;
-    for (int j = 0; j < n; ++j)
-        *before |= (uint)(slots->keys[j] < until) << j;
+    *soon = 0;
     slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = FOUR(slots->keys + j);
@@ -373,53 +399,53 @@ INLINED void in_order_by_keys(Slots *slots, int n, long until, int *order, uint 
             rank -= slots->keys[k + 2] < mine;
             rank -= slots->keys[k + 3] < mine;
         }
-        order[rank.x] = j;
-        order[rank.y] = j + 1;
-        order[rank.z] = j + 2;
-        order[rank.w] = j + 3;
+        for (int k = 0; k < 4 && j + k < n; ++k) {
+            const int r = ((long *)&rank)[k], i = j + k;
+            row->depths[r] = (int)(slots->keys[i] >> 32);
+            row->ids[r] = (uint)slots->keys[i];
+            row->shares[r] = slots->shares[i];
+            to.numbers[r] = slots->numbers[i];
+            to.wheres[r] = (slots->wheres[i] & 0xFFFF) | pixel << 16;
+            *soon |= (uint)(slots->keys[i] < until) << i;
+        }
     }
 }
 
+INLINED uint next_event(const Pixel *p)
+{
+    return p->event < p->events ? p->depths[p->event] : NOTHING;
+}
+
+/* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
-    int order[SLOTS + 4];
     const Waiting to = waiting(picture->glow);
-    const uint pixel = p->number;
-    uint before;
     const bool plain = n <= FEW && ((uint)until == 0 || until == LONG_MAX);
-    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), order, &before, pixel, to)
-                    : few_in_order(slots, n, 2, (int)(until >> 32), order, &before, pixel, to))))
-    {
-        in_order_by_keys(slots, n, until, order, &before);
-        for (int k = 0; k < n; ++k) {
-            to.numbers[k] = slots->numbers[order[k]];
-            to.wheres[k] = (slots->wheres[order[k]] & 0xFFFF) | pixel << 16;
-        }
-    }
-    if (!before)
+    Ordered row;
+    uint soon;
+    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), p->number, &row, to, &soon)
+                    : few_in_order(slots, n, 2, (int)(until >> 32), p->number, &row, to, &soon))))
+        in_order_by_keys(slots, n, until, p->number, &row, to, &soon);
+    if (!soon)
         return n;
-    const int m = __builtin_popcount(before);
+    const int m = __builtin_popcount(soon);
     const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     float kept = p->kept, room = p->room, most = p->most;
     uint8 base = p->lows - 1, span = p->lows > p->highs ? 0 : p->highs - p->lows + 2;
-    uint begun = p->chains;
-    uint next = p->event < p->events ? p->depths[p->event] : NOTHING;
-    ulong best = p->best;
-    int i = 0;
+    uint begun = p->chains, next = next_event(p);
+    int i = 0, best = -1;
     bool more = kept * room > UNSEEN;
     while (more && i < m) {
-        const int j = order[i];
-        const long key = slots->keys[j];
-        const uint id = (uint)key;
-        if (RARELY((uint)(key >> 32) >= next)) {
+        const uint id = row.ids[i];
+        if (RARELY((uint)row.depths[i] >= next)) {
             p->kept = kept;
             pass_event(p, picture->samples);
             room = p->room;
-            next = p->event < p->events ? p->depths[p->event] : NOTHING;
+            next = next_event(p);
             more = kept * room > UNSEEN;
             continue;
         }
-        const float share = slots->shares[j];
+        const float share = row.shares[i];
         const uint beside = bits_of_eight(as_int8(id - base <= span));
         float hidden;
         if (RARELY(beside)) {
@@ -448,14 +474,14 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
             kept = 0.0f;
             more = false;
         }
-        const bool is_best = weight > most;
-        most = is_best ? weight : most;
-        best = is_best ? key : best;
+        best = weight > most ? i : best;
+        most = weight > most ? weight : most;
         to.weights[i++] = weight;
     }
     p->kept = kept;
     p->most = most;
-    p->best = best;
+    if (best >= 0)
+        p->best = (ulong)row.depths[best] << 32 | row.ids[best];
     p->lows = base + 1;
     p->highs = base + span - 1;
     p->chains = begun;
@@ -465,7 +491,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     if (i == n || !more)
         return 0;
     int left = 0;
-    for (uint bits = ~before & (uint)((1ul << n) - 1); bits; bits &= bits - 1, ++left) {
+    for (uint bits = ~soon & (uint)((1ul << n) - 1); bits; bits &= bits - 1, ++left) {
         const int j = __builtin_ctz(bits);
         COPY_PIECE(slots, left, slots, j)
     }
