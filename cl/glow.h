@@ -217,7 +217,6 @@ INLINED void add_glows(Glow *glow, const Sent *known, int n)
     const int waiting = glow->n + n;
     if (PF && glow->store->when == LIGHT_AT_ONCE)
         for (int k = glow->n; k < waiting; ++k) {
-            PREFETCH(places_of(known, glow->numbers[k]));
             PREFETCH(places_of(known, glow->numbers[k]) + 4);
             if (known->deep.longest)
                 PREFETCH(known->deep.axes + glow->numbers[k]);
