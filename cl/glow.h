@@ -27,7 +27,7 @@ typedef struct {
     uint wheres[GLOWS + GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
     float weights[GLOWS + GLOWS] ALIGNED;
     uint slots[GLOWS] ALIGNED;       // where their places are
-    float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
+    float light[3][GLOWS] ALIGNED;   // r, g, b that their segments send
     float4 lights[TILE * TILE];      // of pixels, so far
     int n;
     int left, top;                   // the tile's first pixel, in the picture
@@ -35,34 +35,30 @@ typedef struct {
     const Store *store;
 } Glow;
 
-/* Light of those of n pieces that some lights fall on of which no places are known, eight at a time -> `exact`. */
-INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
+/* Add light of those of the pieces `which` tells, n of them, that some lights fall on of which no places are known: LANES at a time. */
+INLINED void glow_exactly(Glow *glow, const int *which, int n, const Sent *known)
 {
-    int which[GLOWS + LANES], left = 0;
-    for (int k = 0; k < n; ++k) {
-        which[left] = k;
-        left += more_of(known, glow->slots[k]) != 0;
-    }
-    for (int first = 0; first < left; first += LANES) {
+    for (int first = 0; first < n; first += LANES) {
         Row rows[LANES];
         uint slots[LANES];
         lanes at, weight, x, y;
         lanes_i on;
         for (int k = 0; k < LANES; ++k) {
-            const int j = which[first + k < left ? first + k : first];
+            const int j = which[first + k < n ? first + k : first];
             slots[k] = glow->slots[j];
             rows[k] = row_of(known, slots[k]);
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
             LANE(weight, k) = glow->weights[j];
             LANE(x, k) = glow->left + (int)(glow->wheres[j] >> 16) % TILE + 0.5f;
             LANE(y, k) = glow->top + (int)(glow->wheres[j] >> 16) / TILE + 0.5f;
-            LANE_I(on, k) = first + k < left ? ON : 0;
+            LANE_I(on, k) = first + k < n ? ON : 0;
         }
         lanes3 light = exact_light(known, slots, rows, at, weight, x, y, on);
-        for (int k = 0; k < LANES && first + k < left; ++k) {
-            glow->exact[0][which[first + k]] = LANE(light.x, k);
-            glow->exact[1][which[first + k]] = LANE(light.y, k);
-            glow->exact[2][which[first + k]] = LANE(light.z, k);
+        for (int k = 0; k < LANES && first + k < n; ++k) {
+            float *to = &glow->light[0][which[first + k]];
+            to[0] += LANE(light.x, k) > 0.0f ? LANE(light.x, k) : 0.0f;
+            to[GLOWS] += LANE(light.y, k) > 0.0f ? LANE(light.y, k) : 0.0f;
+            to[2 * GLOWS] += LANE(light.z, k) > 0.0f ? LANE(light.z, k) : 0.0f;
         }
     }
 }
@@ -71,19 +67,13 @@ typedef float8 float8_at_8 __attribute__((aligned(8)));   // four places
 typedef char there_are_two_pieces[FEW_PIECES == 2 ? 1 : -1];
 #define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see places.h
 
-/* Light, and of those with some more what is known exactly. */
-INLINED lanes sum_of(lanes light, lanes_i some, const float *exact)
-{
-    const lanes here = *(const lanes *)exact, sum = light + ((some & (here > 0.0f)) ? here : F(0.0f));
-    return sum < MOST ? sum : F(MOST);
-}
-
-/* Add the light of eight pieces: `light_between` for each light, with the same expressions. */
-INLINED void glow_eight(Glow *glow, int first, const Sent *known)
+/* Light of eight pieces: `light_between` for each light, with the same expressions -> those that some lights fall on of which
+   no places are known, a bit each. */
+INLINED uint look_up(Glow *glow, int first, const Sent *known)
 {
     __global const ulong *starts[LANES];
     float8 four[LANES];                    // the first four of each one's places, or the last four
-    lanes halves[8], rows[LANES];
+    lanes halves[8];
     lanes_i some = I(0);
     lanes3 light = {F(0.0f), F(0.0f), F(0.0f)};
     const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
@@ -120,9 +110,22 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
         light.y += ((exact == 0) & (its.y > 0.0f)) ? share * its.y : F(0.0f);
         light.z += ((exact == 0) & (its.z > 0.0f)) ? share * its.z : F(0.0f);
     }
-    const lanes none = F(0.0f), sent[8] = {
-        weight * sum_of(light.x, some, glow->exact[0] + first), weight * sum_of(light.y, some, glow->exact[1] + first),
-        weight * sum_of(light.z, some, glow->exact[2] + first), none, none, none, none, none};
+    *(lanes *)(glow->light[0] + first) = light.x;
+    *(lanes *)(glow->light[1] + first) = light.y;
+    *(lanes *)(glow->light[2] + first) = light.z;
+    return bits_of(some);
+}
+
+/* Add the light of eight pieces to their pixels'. */
+INLINED void add_eight(Glow *glow, int first)
+{
+    const lanes weight = *(const lanes *)(glow->weights + first), none = F(0.0f);
+    lanes sent[8] = {none, none, none, none, none, none, none, none}, rows[LANES];
+    #pragma unroll
+    for (int c = 0; c < 3; ++c) {
+        const lanes light = *(const lanes *)(glow->light[c] + first);
+        sent[c] = weight * (light < MOST ? light : F(MOST));
+    }
     transposed(sent, rows);
     /* Pieces of a pixel follow each other: its sum stays in a register. */
     uint at_pixel = glow->wheres[first] >> 16;
@@ -168,9 +171,16 @@ INLINED void store_glow(Glow *glow)
 /* Add n pieces whose slots are known, and nothing of so many others that LANES divides their number. */
 ONCE void glow_known(Glow *glow, int n, const Sent *known)
 {
-    glow_exactly(glow, n, known);
+    int which[GLOWS], left = 0;
     for (int k = 0; k < n; k += LANES)
-        glow_eight(glow, k, known);
+        for (uint bits = look_up(glow, k, known); bits; bits &= bits - 1)
+            which[left++] = k + __builtin_ctz(bits);
+    while (left && which[left - 1] >= n)
+        --left;
+    if (left)
+        glow_exactly(glow, which, left, known);
+    for (int k = 0; k < n; k += LANES)
+        add_eight(glow, k);
 }
 
 /* Add what waits, or store it. */
