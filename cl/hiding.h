@@ -376,19 +376,22 @@ INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until
     row->near = 0;
     #pragma unroll
     for (int g = 0; g < groups; ++g) {
+        const int8 its = among(id, groups, order, g), step = its - among(id, groups, order << 4, g);
+        row->near |= bits_of_eight(as_int8(as_uint8(step + 1) <= 2u)) << 8 * g;
         *(int8 *)(row->depths + 8 * g) = among(depth, groups, order, g);
-        *(int8 *)(row->ids + 8 * g) = among(id, groups, order, g);
+        *(int8 *)(row->ids + 8 * g) = its;
         *(int8 *)(row->shares + 8 * g) = among(share, groups, order, g);
         *(int8_at_4 *)(to.numbers + 8 * g) = among(number, groups, order, g);
         *(int8_at_4 *)(to.wheres + 8 * g) = among(where, groups, order, g);
     }
+    row->near &= ~1u;
     return (all & wanted) == wanted;
 }
 
 /* As that, any pieces. */
 ONCE void in_order_by_keys(Slots *slots, int n, long until, uint pixel, Ordered *row, Waiting to, uint *soon)
 {
-    *soon = 0;
+    *soon = row->near = 0;
     slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = FOUR(slots->keys + j);
@@ -448,7 +451,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         const float share = row.shares[i];
         const uint beside = bits_of_eight(as_int8(id - base <= span));
         float hidden;
-        if (RARELY(beside)) {
+        if (RARELY(row.near >> i & 1) || RARELY(beside)) {
             const int chain = first_of(beside);
             const int8 here = lane == (uint)chain;
             const uint8 low = base + 1, high = base + span - 1;
