@@ -356,11 +356,11 @@ INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until
     }
     if (!*soon)
         return true;
-    #pragma unroll
-    for (int k = 0; k < 8 * groups; ++k) {
+    #pragma nounroll
+    for (int k = 0; k < n; k += 4) {
         #pragma unroll
         for (int g = 0; g < groups; ++g)
-            rank[g] -= depths[k] < depth[g];
+            rank[g] -= (depths[k] < depth[g]) + (depths[k + 1] < depth[g]) + (depths[k + 2] < depth[g]) + (depths[k + 3] < depth[g]);
     }
     ulong4 places = 0;
     #pragma unroll
