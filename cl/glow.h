@@ -3,7 +3,6 @@
  * are looked up in places.h with the expressions of `light_between`, or lit by exact_light.h, and added in their order.
  * Or they are stored meanwhile, and their segments marked: so only those get light that are seen.  coverage.cl uses this.
  */
-#define PF 1
 #define LIGHT_AT_ONCE 0              // of all segments light is known;
 #define LIGHT_LATER 1                // of none: pieces are stored, and their segments marked;
 #define LIGHT_NOW 2                  // of these
@@ -23,9 +22,9 @@ typedef struct {
 
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
-    uint numbers[GLOWS + GLOWS] ALIGNED;
-    uint wheres[GLOWS + GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
-    float weights[GLOWS + GLOWS] ALIGNED;
+    uint numbers[GLOWS + SLOTS] ALIGNED;     // and those that settle.h puts behind them
+    uint wheres[GLOWS + SLOTS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
+    float weights[GLOWS + SLOTS] ALIGNED;
     uint slots[GLOWS] ALIGNED;       // where their places are
     float light[3][GLOWS] ALIGNED;   // r, g, b that their segments send
     float4 lights[TILE * TILE];      // of pixels, so far
@@ -35,7 +34,7 @@ typedef struct {
     const Store *store;
 } Glow;
 
-/* Add light of those of the pieces `which` tells, n of them, that some lights fall on of which no places are known: LANES at a time. */
+/* Add the light that no places tell of, to n pieces that have some; which: these, LANES at a time. */
 INLINED void glow_exactly(Glow *glow, const int *which, int n, const Sent *known)
 {
     for (int first = 0; first < n; first += LANES) {
@@ -210,54 +209,26 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     glow_known(glow, n, known);
 }
 
-typedef struct {
-    uint *numbers, *wheres;
-    float *weights;
-} Waiting;
-
-INLINED Waiting waiting(Glow *glow)
+/* The light of n pieces more is to be added, SLOTS at most, that have been put behind those that wait. */
+INLINED void add_glow(Glow *glow, const Sent *known, int n)
 {
-    const Waiting to = {glow->numbers + glow->n, glow->wheres + glow->n, glow->weights + glow->n};
-    return to;
-}
-
-/* Add the next n that stand behind those that wait. */
-INLINED void add_glows(Glow *glow, const Sent *known, int n)
-{
-    const int waiting = glow->n + n;
-    if (PF && glow->store->when == LIGHT_AT_ONCE)
-        for (int k = glow->n; k < waiting; ++k) {
-            PREFETCH(places_of(known, glow->numbers[k]) + 4);
-            if (known->deep.longest)
-                PREFETCH(known->deep.axes + glow->numbers[k]);
-        }
-    glow->n = waiting;
-    if (waiting < GLOWS)
+    const int first = glow->n, until = first + n;
+    for (int k = first; k < until && glow->store->when == LIGHT_AT_ONCE; ++k) {
+        PREFETCH(places_of(known, glow->numbers[k]) + 4);   // their first ones are when it is drawn
+        if (known->deep.longest)
+            PREFETCH(known->deep.axes + glow->numbers[k]);
+    }
+    glow->n = until;
+    if (until < GLOWS)
         return;
     glow->n = GLOWS;
     glow_all(glow, known);
-    glow->n = waiting - GLOWS;
+    glow->n = until - GLOWS;
     for (int k = 0; k < SLOTS; k += 8) {
         *(uint8 *)(glow->numbers + k) = *(const uint8 *)(glow->numbers + GLOWS + k);
         *(uint8 *)(glow->wheres + k) = *(const uint8 *)(glow->wheres + GLOWS + k);
         *(float8 *)(glow->weights + k) = *(const float8 *)(glow->weights + GLOWS + k);
     }
-}
-
-INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where)
-{
-    const int n = glow->n++;
-    if (glow->store->when == LIGHT_AT_ONCE) {
-        PREFETCH(places_of(known, number));
-        PREFETCH(places_of(known, number) + 4);
-        if (known->deep.longest)
-            PREFETCH(known->deep.axes + number);
-    }
-    glow->numbers[n] = number;
-    glow->wheres[n] = (where & 0xFFFF) | pixel << 16;
-    glow->weights[n] = weight;
-    if (n == GLOWS - 1)
-        glow_all(glow, known);
 }
 
 /* Begin with a tile, from pixel left, top on. */

@@ -33,12 +33,6 @@ typedef struct {
 #endif
 } Picture;
 
-#if LANES == 1
-#define FOUR(p) ((long4)((p)[0], (p)[1], (p)[2], (p)[3]))
-#else
-#define FOUR(p) (*(const long4 *)(p))
-#endif
-
 /* The pieces of a pixel that wait, in any order. */
 typedef struct {
     long keys[SLOTS + 4] ALIGNED;    // depth << 32 | id
@@ -195,9 +189,21 @@ INLINED void pass_event(Pixel *p, int samples)
     p->room = room;
 }
 
+/* The slots are full: the furthest piece goes, and with it all from its key on. */
+INLINED void drop(Slots *slots, long *limit)
+{
+    int far = 0;
+    for (int k = 1; k < SLOTS; ++k)
+        far = slots->keys[k] > slots->keys[far] ? k : far;
+    *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
+    COPY_PIECE(slots, far, slots, SLOTS - 1)
+}
+
+#if LANES > 1
+#include "settle.h"
+#else
 INLINED int first_lane(uint8 mask)
 {
-#if LANES == 1
     const uint8 b = mask & (uint8)(1, 2, 4, 8, 16, 32, 64, 128);
     const uint4 c = b.lo | b.hi;
     const uint m = (c.x | c.y) | (c.z | c.w);
@@ -205,9 +211,6 @@ INLINED int first_lane(uint8 mask)
         if (m >> k & 1)
             return k;
     return CHAINS;
-#else
-    return first_of(bits_of(as_int8(mask)) | 1 << CHAINS);
-#endif
 }
 
 /* The chain of a piece, a new one if `*begins`: pieces of one strand follow each other in number. */
@@ -231,37 +234,30 @@ INLINED int chain_of(Pixel *p, uint id, bool *begins)
 }
 
 #if MASKS
-/* Hide a piece behind what came before it, patch by patch -> what it takes of the pixel's light.  whole: the pixel. */
-INLINED float take(Pixel *p, Pixel *whole, long key, const Strip *strip, float *hidden)
+/* Hide a piece behind what came before it, patch by patch -> what it takes of the pixel's light. */
+INLINED float take(Pixel *p, long key, const Strip *strip, float *hidden)
 {
     bool begins;
     const int chain = chain_of(p, (uint)key, &begins);
     float areas[PATCHES] ALIGNED;
     areas_of(strip, areas);
     const float before = p->kept;
-    p->kept = hide_patches(whole->left, whole->covered[chain], areas, begins, hidden);
+    p->kept = hide_patches(p->left, p->covered[chain], areas, begins, hidden);
     return before - p->kept;
 }
 #else
-/* Hide a piece behind what came before it -> what it takes of the pixel's light.  sums: the pixel's. */
-INLINED float take(Pixel *p, float8 *sums, long key, float share)
+/* Hide a piece behind what came before it -> what it takes of the pixel's light.  Without a pointer to sums: llvmpipe would keep
+   all that is known of a pixel in memory. */
+INLINED float take(Pixel *p, long key, float share)
 {
     bool begins;
     const int chain = chain_of(p, (uint)key, &begins);
-#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
     const int8 here = (uint8)(0, 1, 2, 3, 4, 5, 6, 7) == (uint)chain;
-    const float8 its = here ? *sums : 0.0f;
+    const float8 its = here ? p->sums : 0.0f;
     const float4 four = its.lo + its.hi;
     const float before = begins ? 0.0f : (four.x + four.y) + (four.z + four.w);
-#else
-    const float before = begins ? 0.0f : ((float *)sums)[chain];
-#endif
     const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
-#if LANES == 1
-    *sums = here ? sum : *sums;
-#else
-    ((float *)sums)[chain] = sum;
-#endif
+    p->sums = here ? sum : p->sums;
     const float hidden = begins ? p->kept * sum : before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     p->kept -= hidden;
     return hidden;
@@ -282,20 +278,9 @@ INLINED float weight_of(Pixel *p, long key, float hidden)
     return weight;
 }
 
-/* The slots are full: the furthest piece goes, and with it all from its key on. */
-INLINED void drop(Slots *slots, long *limit)
-{
-    int far = 0;
-    for (int k = 1; k < SLOTS; ++k)
-        far = slots->keys[k] > slots->keys[far] ? k : far;
-    *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
-    COPY_PIECE(slots, far, slots, SLOTS - 1)
-}
-
 /* Add the light of a piece; where: on its segment, in 1/65535. */
 INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
-#if LANES == 1
     if (picture->room) {
         const uint k = atomic_inc(picture->taken);
         if (k < picture->room) {
@@ -309,212 +294,15 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
     const int x = view->rows.z + (int)(p->at % view->size.x), y = view->rows.x + (int)(p->at / view->size.x);
     const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), weight, x + 0.5f, y + 0.5f);
     p->light += weight * (light < MOST ? light : MOST);
-#else
-    add_glow(picture->glow, &picture->sent, p->number, weight, number, where);
-#endif
 }
 
-#if LANES > 1 && !MASKS
-#define FEW 16                       // pieces that are put in order without a loop
-
-/* Pieces of a pixel in their order. */
-typedef struct {
-    int depths[SLOTS + 8] ALIGNED;
-    uint ids[SLOTS + 8] ALIGNED;
-    float shares[SLOTS + 8] ALIGNED;
-    uint near;                       // those whose ids follow those of the ones before them, a bit each
-} Ordered;
-
-typedef int8 int8_at_4 __attribute__((aligned(4)));
-
-/* The numbers of up to 16 lanes that `order` tells, four bits each; eight of them, from 8 * g on. */
-INLINED int8 among(const int8 *v, const int groups, ulong order, int g)
-{
-    const int8 which = as_int8((uint8)((uint)(order >> 32 * g)) >> (uint8)(0, 4, 8, 12, 16, 20, 24, 28) & 15);
-    const int8 first = lanes_at(v[0], which);
-    return groups == 1 ? first : which > 7 ? lanes_at(v[groups - 1], which) : first;
-}
-
-/* Put n pieces of different depths in order, 8 * groups at most -> whether they were. soon: of those that lie before a depth, a bit each. */
-INLINED bool few_in_order(const Slots *slots, int n, const int groups, int until, uint pixel, Ordered *row, Waiting to, uint *soon)
-{
-    const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    int depths[FEW] ALIGNED;
-    int8 depth[2], id[2], share[2], number[2], where[2], rank[2], ones = 0;
-    *soon = 0;
-    #pragma unroll
-    for (int g = 0; g < groups; ++g) {
-        const int8 a = *(const int8 *)(slots->keys + 8 * g), b = *(const int8 *)(slots->keys + 8 * g + 4);
-        depth[g] = lane < n - 8 * g ? (int8)(a.s1357, b.s1357) : (int8)(INT_MAX);
-        id[g] = (int8)(a.s0246, b.s0246);
-        share[g] = *(const int8_at_4 *)(slots->shares + 8 * g);
-        number[g] = *(const int8_at_4 *)(slots->numbers + 8 * g);
-        where[g] = *(const int8_at_4 *)(slots->wheres + 8 * g) & 0xFFFF | (int)(pixel << 16);
-        *(int8 *)(depths + 8 * g) = depth[g];
-        *soon |= bits_of_eight(depth[g] < until) << 8 * g;
-        rank[g] = 0;
-    }
-    if (!*soon)
-        return true;
-    #pragma nounroll
-    for (int k = 0; k < n; k += 4) {
-        #pragma unroll
-        for (int g = 0; g < groups; ++g)
-            rank[g] -= (depths[k] < depth[g]) + (depths[k + 1] < depth[g]) + (depths[k + 2] < depth[g]) + (depths[k + 3] < depth[g]);
-    }
-    ulong4 places = 0;
-    #pragma unroll
-    for (int g = 0; g < groups; ++g) {
-        ones |= (int8)1 << rank[g];
-        const uint8 bits = as_uint8(rank[g] * 4);
-        places |= (ulong4)(0, 1, 2, 3) + (ulong)(8 * g) << __builtin_convertvector(bits.lo, ulong4);
-        places |= (ulong4)(4, 5, 6, 7) + (ulong)(8 * g) << __builtin_convertvector(bits.hi, ulong4);
-    }
-    const ulong order = (places.x | places.y) | (places.z | places.w);
-    const int4 four = ones.lo | ones.hi;
-    const uint all = (four.x | four.y) | (four.z | four.w), wanted = (1u << n) - 1;
-    row->near = 0;
-    #pragma unroll
-    for (int g = 0; g < groups; ++g) {
-        const int8 its = among(id, groups, order, g), step = its - among(id, groups, order << 4, g);
-        row->near |= bits_of_eight(as_int8(as_uint8(step + 1) <= 2u)) << 8 * g;
-        *(int8 *)(row->depths + 8 * g) = among(depth, groups, order, g);
-        *(int8 *)(row->ids + 8 * g) = its;
-        *(int8 *)(row->shares + 8 * g) = among(share, groups, order, g);
-        *(int8_at_4 *)(to.numbers + 8 * g) = among(number, groups, order, g);
-        *(int8_at_4 *)(to.wheres + 8 * g) = among(where, groups, order, g);
-    }
-    row->near &= ~1u;
-    return (all & wanted) == wanted;
-}
-
-/* As that, any pieces. */
-ONCE void in_order_by_keys(Slots *slots, int n, long until, uint pixel, Ordered *row, Waiting to, uint *soon)
-{
-    *soon = row->near = 0;
-    slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
-    for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
-        const long4 mine = FOUR(slots->keys + j);
-        long4 rank = 0;
-        for (int k = 0; k < n; k += 4) {
-            rank -= slots->keys[k] < mine;
-            rank -= slots->keys[k + 1] < mine;
-            rank -= slots->keys[k + 2] < mine;
-            rank -= slots->keys[k + 3] < mine;
-        }
-        for (int k = 0; k < 4 && j + k < n; ++k) {
-            const int r = ((long *)&rank)[k], i = j + k;
-            row->depths[r] = (int)(slots->keys[i] >> 32);
-            row->ids[r] = (uint)slots->keys[i];
-            row->shares[r] = slots->shares[i];
-            to.numbers[r] = slots->numbers[i];
-            to.wheres[r] = (slots->wheres[i] & 0xFFFF) | pixel << 16;
-            *soon |= (uint)(slots->keys[i] < until) << i;
-        }
-    }
-}
-
-INLINED uint next_event(const Pixel *p)
-{
-    return p->event < p->events ? p->depths[p->event] : NOTHING;
-}
-
-/* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
-INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
-{
-    const Waiting to = waiting(picture->glow);
-    const bool plain = n <= FEW && ((uint)until == 0 || until == LONG_MAX);
-    Ordered row;
-    uint soon;
-    if (!(plain && (n <= 8 ? few_in_order(slots, n, 1, (int)(until >> 32), p->number, &row, to, &soon)
-                    : few_in_order(slots, n, 2, (int)(until >> 32), p->number, &row, to, &soon))))
-        in_order_by_keys(slots, n, until, p->number, &row, to, &soon);
-    if (!soon)
-        return n;
-    const int m = __builtin_popcount(soon);
-    const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    float kept = p->kept, room = p->room, most = p->most;
-    uint8 base = p->lows - 1, span = p->lows > p->highs ? 0 : p->highs - p->lows + 2;
-    uint begun = p->chains, next = next_event(p);
-    int i = 0, best = -1;
-    bool more = kept * room > UNSEEN;
-    while (more && i < m) {
-        const uint id = row.ids[i];
-        if (RARELY((uint)row.depths[i] >= next)) {
-            p->kept = kept;
-            pass_event(p, picture->samples);
-            room = p->room;
-            next = next_event(p);
-            more = kept * room > UNSEEN;
-            continue;
-        }
-        const float share = row.shares[i];
-        const uint beside = bits_of_eight(as_int8(id - base <= span));
-        float hidden;
-        if (RARELY(row.near >> i & 1) || RARELY(beside)) {
-            const int chain = first_of(beside);
-            const int8 here = lane == (uint)chain;
-            const uint8 low = base + 1, high = base + span - 1;
-            const uint8 new_low = id < low ? id : low, new_high = id > high ? id : high;
-            base = here ? new_low - 1 : base;
-            span = here ? new_high - new_low + 2 : span;
-            const float before = ((float *)&p->sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
-            ((float *)&p->sums)[chain] = sum;
-            hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
-        } else {
-            const uint chain = begun++ % CHAINS;
-            const int8 here = lane == chain;
-            base = here ? id - 1 : base;
-            span = here ? 2 : span;
-            const float sum = share < 1.0f ? share : 1.0f;
-            ((float *)&p->sums)[chain] = sum;
-            hidden = kept * sum;
-        }
-        kept -= hidden;
-        float weight = hidden * room;
-        if (RARELY(!(kept * room > UNSEEN))) {
-            weight += kept * room;
-            kept = 0.0f;
-            more = false;
-        }
-        best = weight > most ? i : best;
-        most = weight > most ? weight : most;
-        to.weights[i++] = weight;
-    }
-    p->kept = kept;
-    p->most = most;
-    if (best >= 0)
-        p->best = (ulong)row.depths[best] << 32 | row.ids[best];
-    p->lows = base + 1;
-    p->highs = base + span - 1;
-    p->chains = begun;
-    p->closed = !more;
-    if (picture->lit)
-        add_glows(picture->glow, &picture->sent, i);
-    if (i == n || !more)
-        return 0;
-    int left = 0;
-    for (uint bits = ~soon & (uint)((1ul << n) - 1); bits; bits &= bits - 1, ++left) {
-        const int j = __builtin_ctz(bits);
-        COPY_PIECE(slots, left, slots, j)
-    }
-    return left;
-}
-#else
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
     slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
-#if LANES > 1
-    long4 soon = 0;
-    for (int j = 0; j < n; j += 4)
-        soon |= FOUR(slots->keys + j) < until;
-    if (!((soon.x | soon.y) | (soon.z | soon.w)))
-        return n;
-#endif
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
-        const long4 mine = FOUR(slots->keys + j);
+        const long4 mine = (long4)(slots->keys[j], slots->keys[j + 1], slots->keys[j + 2], slots->keys[j + 3]);
         long4 rank = 0;
         for (int k = 0; k < n; k += 4) {
             rank -= slots->keys[k] < mine;
@@ -527,42 +315,28 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         order[rank.z] = j + 2;
         order[rank.w] = j + 3;
     }
-#if LANES == 1
-    Pixel *const hot = p;
-#else
-    Pixel registers = *p, *const hot = &registers;   // what changes with each piece
-#endif
     bool more = p->kept * p->room > UNSEEN;
     while (more && i < n && slots->keys[order[i]] < until) {
         const int j = order[i];
         const long key = slots->keys[j];
         if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
-            p->kept = hot->kept;
             pass_event(p, picture->samples);
-            hot->room = p->room;
-            more = hot->kept * hot->room > UNSEEN;
+            more = p->kept * p->room > UNSEEN;
             continue;
         }
 #if MASKS
         float hidden[PATCHES] ALIGNED;
-        const float weight = weight_of(hot, key, take(hot, p, key, &slots->strips[j], hidden));
+        const float weight = weight_of(p, key, take(p, key, &slots->strips[j], hidden));
         if (picture->lit)
             shine(picture, p, weight, slots->numbers[j], place_seen(&slots->strips[j], hidden));
 #else
-        const float weight = weight_of(hot, key, take(hot, &p->sums, key, slots->shares[j]));
+        const float weight = weight_of(p, key, take(p, key, slots->shares[j]));
         if (picture->lit)
             shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
 #endif
-        more = hot->kept * hot->room > UNSEEN;
+        more = p->kept * p->room > UNSEEN;
         ++i;
     }
-    p->kept = hot->kept;
-    p->most = hot->most;
-    p->best = hot->best;
-    p->lows = hot->lows;
-    p->highs = hot->highs;
-    p->chains = hot->chains;
-    p->oldest = hot->oldest;
     p->closed = !more;
     if (i == n || !more)
         return 0;
