@@ -3,7 +3,7 @@
  * costs most here: so a few pieces are put in order without a branch, with all that is known of them, and what can be told
  * of each is told before the loop that hides one after the other.  hiding.h uses this, and has what it needs before.
  */
-#define FEW 16                       // pieces whose order fits into 64 bits
+#define AT_ONE_TIME 16               // pieces whose order fits into 64 bits
 
 /* Pieces of a pixel in their order, and how many of them are to be hidden. */
 typedef struct {
@@ -32,7 +32,7 @@ INLINED int8 in_order_of(const int8 *v, const int vectors, ulong order, int g)
 INLINED bool few_in_order(const Slots *slots, int n, const int vectors, int until, uint pixel, Ordered *pieces, Glow *glow)
 {
     const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    int depths[FEW] ALIGNED;
+    int depths[AT_ONE_TIME] ALIGNED;
     int8 depth[2], id[2], share[2], number[2], where[2], rank[2], ranks = 0;
     pieces->soon = pieces->near = 0;
     #pragma unroll
@@ -118,7 +118,7 @@ INLINED void put_in_order(Slots *slots, int n, long until, uint pixel, Ordered *
 {
     const int depth = (int)(until >> 32);
     const bool is_depth = !(uint)until || until == LONG_MAX;
-    if (!is_depth || n > FEW || !(n <= 8 ? few_in_order(slots, n, 1, depth, pixel, pieces, glow)
+    if (!is_depth || n > AT_ONE_TIME || !(n <= 8 ? few_in_order(slots, n, 1, depth, pixel, pieces, glow)
                                   : few_in_order(slots, n, 2, depth, pixel, pieces, glow)))
         all_in_order(slots, n, until, pixel, pieces, glow);
 }
