@@ -126,7 +126,7 @@ INLINED void put_in_order(Slots *slots, int n, long until, uint pixel, Ordered *
 /* The chains of a pixel: of the numbers n of pieces beside each, n - before <= span. */
 typedef struct {
     uint8 before, span;
-    uint begun;                      // so many, from the first on: each takes the next lane
+    uint begun;                      // so many since the first: each takes the next lane; `chains` of a pixel
 } Chains;
 
 /* A piece begins the next chain -> its lane. */
