@@ -22,11 +22,11 @@ typedef struct {
 
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
-    uint numbers[GLOWS] ALIGNED;
-    uint wheres[GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
-    float weights[GLOWS] ALIGNED;
+    uint numbers[GLOWS + SLOTS] ALIGNED;     // and those that settle.h puts behind them
+    uint wheres[GLOWS + SLOTS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
+    float weights[GLOWS + SLOTS] ALIGNED;
     uint slots[GLOWS] ALIGNED;       // where their places are
-    float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
+    float light[3][GLOWS] ALIGNED;   // r, g, b that their segments send
     float4 lights[TILE * TILE];      // of pixels, so far
     int n;
     int left, top;                   // the tile's first pixel, in the picture
@@ -34,34 +34,30 @@ typedef struct {
     const Store *store;
 } Glow;
 
-/* Light of those of n pieces that some lights fall on of which no places are known, eight at a time -> `exact`. */
-INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
+/* Add the light that no places tell of, to n pieces that have some; which: these, LANES at a time. */
+INLINED void glow_exactly(Glow *glow, const int *which, int n, const Sent *known)
 {
-    int which[GLOWS + LANES], left = 0;
-    for (int k = 0; k < n; ++k) {
-        which[left] = k;
-        left += more_of(known, glow->slots[k]) != 0;
-    }
-    for (int first = 0; first < left; first += LANES) {
+    for (int first = 0; first < n; first += LANES) {
         Row rows[LANES];
         uint slots[LANES];
         lanes at, weight, x, y;
         lanes_i on;
         for (int k = 0; k < LANES; ++k) {
-            const int j = which[first + k < left ? first + k : first];
+            const int j = which[first + k < n ? first + k : first];
             slots[k] = glow->slots[j];
             rows[k] = row_of(known, slots[k]);
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
             LANE(weight, k) = glow->weights[j];
             LANE(x, k) = glow->left + (int)(glow->wheres[j] >> 16) % TILE + 0.5f;
             LANE(y, k) = glow->top + (int)(glow->wheres[j] >> 16) / TILE + 0.5f;
-            LANE_I(on, k) = first + k < left ? ON : 0;
+            LANE_I(on, k) = first + k < n ? ON : 0;
         }
         lanes3 light = exact_light(known, slots, rows, at, weight, x, y, on);
-        for (int k = 0; k < LANES && first + k < left; ++k) {
-            glow->exact[0][which[first + k]] = LANE(light.x, k);
-            glow->exact[1][which[first + k]] = LANE(light.y, k);
-            glow->exact[2][which[first + k]] = LANE(light.z, k);
+        for (int k = 0; k < LANES && first + k < n; ++k) {
+            float *to = &glow->light[0][which[first + k]];
+            to[0] += LANE(light.x, k) > 0.0f ? LANE(light.x, k) : 0.0f;
+            to[GLOWS] += LANE(light.y, k) > 0.0f ? LANE(light.y, k) : 0.0f;
+            to[2 * GLOWS] += LANE(light.z, k) > 0.0f ? LANE(light.z, k) : 0.0f;
         }
     }
 }
@@ -70,19 +66,13 @@ typedef float8 float8_at_8 __attribute__((aligned(8)));   // four places
 typedef char there_are_two_pieces[FEW_PIECES == 2 ? 1 : -1];
 #define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see places.h
 
-/* Light, and of those with some more what is known exactly. */
-INLINED lanes sum_of(lanes light, lanes_i some, const float *exact)
-{
-    const lanes here = *(const lanes *)exact, sum = light + ((some & (here > 0.0f)) ? here : F(0.0f));
-    return sum < MOST ? sum : F(MOST);
-}
-
-/* Add the light of eight pieces: `light_between` for each light, with the same expressions. */
-INLINED void glow_eight(Glow *glow, int first, const Sent *known)
+/* Light of eight pieces: `light_between` for each light, with the same expressions -> those that some lights fall on of which
+   no places are known, a bit each. */
+INLINED uint look_up(Glow *glow, int first, const Sent *known)
 {
     __global const ulong *starts[LANES];
     float8 four[LANES];                    // the first four of each one's places, or the last four
-    lanes halves[8], rows[LANES];
+    lanes halves[8];
     lanes_i some = I(0);
     lanes3 light = {F(0.0f), F(0.0f), F(0.0f)};
     const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
@@ -119,9 +109,22 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
         light.y += ((exact == 0) & (its.y > 0.0f)) ? share * its.y : F(0.0f);
         light.z += ((exact == 0) & (its.z > 0.0f)) ? share * its.z : F(0.0f);
     }
-    const lanes none = F(0.0f), sent[8] = {
-        weight * sum_of(light.x, some, glow->exact[0] + first), weight * sum_of(light.y, some, glow->exact[1] + first),
-        weight * sum_of(light.z, some, glow->exact[2] + first), none, none, none, none, none};
+    *(lanes *)(glow->light[0] + first) = light.x;
+    *(lanes *)(glow->light[1] + first) = light.y;
+    *(lanes *)(glow->light[2] + first) = light.z;
+    return bits_of(some);
+}
+
+/* Add the light of eight pieces to their pixels'. */
+INLINED void add_eight(Glow *glow, int first)
+{
+    const lanes weight = *(const lanes *)(glow->weights + first), none = F(0.0f);
+    lanes sent[8] = {none, none, none, none, none, none, none, none}, rows[LANES];
+    #pragma unroll
+    for (int c = 0; c < 3; ++c) {
+        const lanes light = *(const lanes *)(glow->light[c] + first);
+        sent[c] = weight * (light < MOST ? light : F(MOST));
+    }
     transposed(sent, rows);
     /* Pieces of a pixel follow each other: its sum stays in a register. */
     uint at_pixel = glow->wheres[first] >> 16;
@@ -167,9 +170,16 @@ INLINED void store_glow(Glow *glow)
 /* Add n pieces whose slots are known, and nothing of so many others that LANES divides their number. */
 ONCE void glow_known(Glow *glow, int n, const Sent *known)
 {
-    glow_exactly(glow, n, known);
+    int which[GLOWS], left = 0;
     for (int k = 0; k < n; k += LANES)
-        glow_eight(glow, k, known);
+        for (uint bits = look_up(glow, k, known); bits; bits &= bits - 1)
+            which[left++] = k + __builtin_ctz(bits);
+    while (left && which[left - 1] >= n)
+        --left;
+    if (left)
+        glow_exactly(glow, which, left, known);
+    for (int k = 0; k < n; k += LANES)
+        add_eight(glow, k);
 }
 
 /* Add what waits, or store it. */
@@ -190,25 +200,35 @@ INLINED void glow_all(Glow *glow, const Sent *known)
             store_glow(glow);
         return;
     }
-    for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
-        glow->slots[k] = glow->store->when == LIGHT_NOW ? glow->store->slots[glow->numbers[k]] : glow->numbers[k];
+    if (glow->store->when == LIGHT_NOW)
+        for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
+            glow->slots[k] = glow->store->slots[glow->numbers[k]];
+    else
+        for (int k = 0; k < n; k += LANES)
+            *(lanes_u *)(glow->slots + k) = *(const lanes_u *)(glow->numbers + k);
     glow_known(glow, n, known);
 }
 
-INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where)
+/* The light of n pieces more is to be added, SLOTS at most, that have been put behind those that wait. */
+INLINED void add_glow(Glow *glow, const Sent *known, int n)
 {
-    const int n = glow->n++;
-    if (glow->store->when == LIGHT_AT_ONCE) {
-        PREFETCH(places_of(known, number));
-        PREFETCH(places_of(known, number) + 4);
+    const int first = glow->n, until = first + n;
+    for (int k = first; k < until && glow->store->when == LIGHT_AT_ONCE; ++k) {
+        PREFETCH(places_of(known, glow->numbers[k]) + 4);   // their first ones are when it is drawn
         if (known->deep.longest)
-            PREFETCH(known->deep.axes + number);
+            PREFETCH(known->deep.axes + glow->numbers[k]);
     }
-    glow->numbers[n] = number;
-    glow->wheres[n] = (where & 0xFFFF) | pixel << 16;
-    glow->weights[n] = weight;
-    if (n == GLOWS - 1)
-        glow_all(glow, known);
+    glow->n = until;
+    if (until < GLOWS)
+        return;
+    glow->n = GLOWS;
+    glow_all(glow, known);
+    glow->n = until - GLOWS;
+    for (int k = 0; k < SLOTS; k += 8) {
+        *(uint8 *)(glow->numbers + k) = *(const uint8 *)(glow->numbers + GLOWS + k);
+        *(uint8 *)(glow->wheres + k) = *(const uint8 *)(glow->wheres + GLOWS + k);
+        *(float8 *)(glow->weights + k) = *(const float8 *)(glow->weights + GLOWS + k);
+    }
 }
 
 /* Begin with a tile, from pixel left, top on. */

@@ -34,12 +34,6 @@ typedef struct {
 #endif
 } Picture;
 
-#if LANES == 1
-#define FOUR(p) ((long4)((p)[0], (p)[1], (p)[2], (p)[3]))
-#else
-#define FOUR(p) (*(const long4 *)(p))
-#endif
-
 /* The pieces of a pixel that wait, in any order. */
 typedef struct {
     long keys[SLOTS + 4] ALIGNED;    // depth << 32 | id
@@ -252,9 +246,21 @@ INLINED void pass_events(Pixel *p, const Picture *picture, uint until)
     }
 }
 
+/* The slots are full: the furthest piece goes, and with it all from its key on. */
+INLINED void drop(Slots *slots, long *limit)
+{
+    int far = 0;
+    for (int k = 1; k < SLOTS; ++k)
+        far = slots->keys[k] > slots->keys[far] ? k : far;
+    *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
+    COPY_PIECE(slots, far, slots, SLOTS - 1)
+}
+
+#if LANES > 1
+#include "settle.h"
+#else
 INLINED int first_lane(uint8 mask)
 {
-#if LANES == 1
     const uint8 b = mask & (uint8)(1, 2, 4, 8, 16, 32, 64, 128);
     const uint4 c = b.lo | b.hi;
     const uint m = (c.x | c.y) | (c.z | c.w);
@@ -262,9 +268,6 @@ INLINED int first_lane(uint8 mask)
         if (m >> k & 1)
             return k;
     return CHAINS;
-#else
-    return first_of(bits_of(as_int8(mask)) | 1 << CHAINS);
-#endif
 }
 
 /* The chain of a piece, a new one if `*begins`: pieces of one strand follow each other in number. */
@@ -288,37 +291,30 @@ INLINED int chain_of(Pixel *p, uint id, bool *begins)
 }
 
 #if MASKS
-/* Hide a piece behind what came before it, patch by patch -> what it takes of the pixel's light.  whole: the pixel. */
-INLINED float take(Pixel *p, Pixel *whole, long key, const Strip *strip, float *hidden)
+/* Hide a piece behind what came before it, patch by patch -> what it takes of the pixel's light. */
+INLINED float take(Pixel *p, long key, const Strip *strip, float *hidden)
 {
     bool begins;
     const int chain = chain_of(p, (uint)key, &begins);
     float areas[PATCHES] ALIGNED;
     areas_of(strip, areas);
     const float before = p->kept;
-    p->kept = hide_patches(whole->left, whole->covered[chain], areas, begins, hidden);
+    p->kept = hide_patches(p->left, p->covered[chain], areas, begins, hidden);
     return before - p->kept;
 }
 #else
-/* Hide a piece behind what came before it -> what it takes of the pixel's light.  sums: the pixel's. */
-INLINED float take(Pixel *p, float8 *sums, long key, float share)
+/* Hide a piece behind what came before it -> what it takes of the pixel's light.  Without a pointer to sums: llvmpipe would keep
+   all that is known of a pixel in memory. */
+INLINED float take(Pixel *p, long key, float share)
 {
     bool begins;
     const int chain = chain_of(p, (uint)key, &begins);
-#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
     const int8 here = (uint8)(0, 1, 2, 3, 4, 5, 6, 7) == (uint)chain;
-    const float8 its = here ? *sums : 0.0f;
+    const float8 its = here ? p->sums : 0.0f;
     const float4 four = its.lo + its.hi;
     const float before = begins ? 0.0f : (four.x + four.y) + (four.z + four.w);
-#else
-    const float before = begins ? 0.0f : ((float *)sums)[chain];
-#endif
     const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
-#if LANES == 1
-    *sums = here ? sum : *sums;
-#else
-    ((float *)sums)[chain] = sum;
-#endif
+    p->sums = here ? sum : p->sums;
     const float hidden = begins ? p->kept * sum : before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     p->kept -= hidden;
     return hidden;
@@ -339,20 +335,9 @@ INLINED float weight_of(Pixel *p, long key, float hidden)
     return weight;
 }
 
-/* The slots are full: the furthest piece goes, and with it all from its key on. */
-INLINED void drop(Slots *slots, long *limit)
-{
-    int far = 0;
-    for (int k = 1; k < SLOTS; ++k)
-        far = slots->keys[k] > slots->keys[far] ? k : far;
-    *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
-    COPY_PIECE(slots, far, slots, SLOTS - 1)
-}
-
 /* Add the light of a piece; where: on its segment, in 1/65535. */
 INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
-#if LANES == 1
     if (picture->room) {
         const uint k = atomic_inc(picture->taken);
         if (k < picture->room) {
@@ -366,9 +351,6 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
     const int x = view->rows.z + (int)(p->at % view->size.x), y = view->rows.x + (int)(p->at / view->size.x);
     const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), weight, x + 0.5f, y + 0.5f);
     p->light += weight * (light < MOST ? light : MOST);
-#else
-    add_glow(picture->glow, &picture->sent, p->number, weight, number, where);
-#endif
 }
 
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
@@ -376,15 +358,8 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
 {
     int order[SLOTS + 4], i = 0;
     slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
-#if LANES > 1
-    long4 soon = 0;
-    for (int j = 0; j < n; j += 4)
-        soon |= FOUR(slots->keys + j) < until;
-    if (!((soon.x | soon.y) | (soon.z | soon.w)))
-        return n;
-#endif
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
-        const long4 mine = FOUR(slots->keys + j);
+        const long4 mine = (long4)(slots->keys[j], slots->keys[j + 1], slots->keys[j + 2], slots->keys[j + 3]);
         long4 rank = 0;
         for (int k = 0; k < n; k += 4) {
             rank -= slots->keys[k] < mine;
@@ -397,42 +372,28 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         order[rank.z] = j + 2;
         order[rank.w] = j + 3;
     }
-#if LANES == 1
-    Pixel *const hot = p;
-#else
-    Pixel registers = *p, *const hot = &registers;   // what changes with each piece
-#endif
     bool more = p->kept * p->room > UNSEEN;
     while (more && i < n && slots->keys[order[i]] < until) {
         const int j = order[i];
         const long key = slots->keys[j];
         if (p->next <= (uint)(key >> 32)) {
-            p->kept = hot->kept;
             pass_events(p, picture, (uint)(key >> 32));
-            hot->room = p->room;
-            more = hot->kept * hot->room > UNSEEN;
+            more = p->kept * p->room > UNSEEN;
             continue;
         }
 #if MASKS
         float hidden[PATCHES] ALIGNED;
-        const float weight = weight_of(hot, key, take(hot, p, key, &slots->strips[j], hidden));
+        const float weight = weight_of(p, key, take(p, key, &slots->strips[j], hidden));
         if (picture->lit)
             shine(picture, p, weight, slots->numbers[j], place_seen(&slots->strips[j], hidden));
 #else
-        const float weight = weight_of(hot, key, take(hot, &p->sums, key, slots->shares[j]));
+        const float weight = weight_of(p, key, take(p, key, slots->shares[j]));
         if (picture->lit)
             shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
 #endif
-        more = hot->kept * hot->room > UNSEEN;
+        more = p->kept * p->room > UNSEEN;
         ++i;
     }
-    p->kept = hot->kept;
-    p->most = hot->most;
-    p->best = hot->best;
-    p->lows = hot->lows;
-    p->highs = hot->highs;
-    p->chains = hot->chains;
-    p->oldest = hot->oldest;
     p->closed = !more;
     if (i == n || !more)
         return 0;
@@ -444,6 +405,8 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     }
     return left;
 }
+
+#endif
 
 INLINED void put_four(__global float *to, float4 four, int samples)
 {

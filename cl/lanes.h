@@ -199,6 +199,21 @@ INLINED uint bits_of_eight(int8 mask)
 }
 #endif
 
+#if LANES > 1
+/* Lanes of a vector: those that another one tells. */
+INLINED int8 lanes_at(int8 v, int8 which)
+{
+#ifdef __AVX2__
+    return __builtin_ia32_permvarsi256(v, which);
+#else
+    int8 there;
+    for (int k = 0; k < 8; ++k)
+        LANE_I(there, k) = LANE_I(v, LANE_I(which, k) & 7);
+    return there;
+#endif
+}
+#endif
+
 /* The lanes of a mask that are on, a bit each. */
 INLINED uint bits_of(lanes_i mask)
 {

@@ -38,12 +38,12 @@ ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sort
 /* Settle all pixels as far as nothing before `until` is still to come -> whether any is still open. */
 INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 {
-    const lanes_i least = I(until == LONG_MAX ? 1 : SLOTS / 4);
-    ulong left = 0;
-    for (int y = 0; y < TILE; ++y)
-        left |= (ulong)bits_of(*(const lanes_i *)(t->counts + TILE * y) >= least) << TILE * y;
-    for (left &= t->open; left; left &= left - 1) {
-        const int p = __builtin_ctzl(left);
+    const int few = until == LONG_MAX ? 0 : SLOTS / 4 - 1;
+    ulong due = 0;
+    for (int row = 0; row < TILE; ++row)
+        due |= (ulong)bits_of(*(const lanes_i *)(t->counts + TILE * row) > few) << TILE * row;
+    for (due &= t->open; due; due &= due - 1) {
+        const int p = __builtin_ctzl(due);
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
         if (t->pixels[p].closed)
