@@ -6,17 +6,20 @@
 #include "tile.h"
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
-#define SHORT 1024           // lists of so many are sorted into private memory: no line of it is fetched first
+#define SHORT 1024           // lists of so many are sorted where they are: no line of other memory is fetched to be written
 
-/* Sort a tile's list into buckets by depth, about as many as segments, FINE at most -> the least depth, and the bits below a
-   bucket's. */
+/* Sort a tile's list into buckets by depth, about as many as segments, FINE at most; a SHORT one into `entries` itself -> the
+   least depth, and the bits below a bucket's. */
 ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
     uint least = ~0u, most = 0, ends[FINE + 1], shift = 0, buckets = 64;
+    uint2 copy[SHORT];
     for (uint i = 0; i < n; ++i) {
-        const uint depth = entries[i].x;
-        least = depth < least ? depth : least;
-        most = depth > most ? depth : most;
+        const uint2 it = entries[i];
+        least = it.x < least ? it.x : least;
+        most = it.x > most ? it.x : most;
+        if (n <= SHORT)
+            copy[i] = it;
     }
     while (buckets < 4 * n && buckets < FINE)
         buckets *= 2;
@@ -25,11 +28,11 @@ ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sort
     for (uint k = 0; k <= buckets; ++k)
         ends[k] = 0;
     for (uint i = 0; i < n; ++i)
-        ++ends[((entries[i].x - least) >> shift) + 1];
+        ++ends[(((n <= SHORT ? copy[i].x : entries[i].x) - least) >> shift) + 1];
     for (uint k = 1; k <= buckets; ++k)
         ends[k] += ends[k - 1];
     for (uint i = 0; i < n; ++i) {
-        const uint2 it = entries[i];
+        const uint2 it = n <= SHORT ? copy[i] : entries[i];
         sorted[ends[(it.x - least) >> shift]++] = it;
     }
     return (uint2)(least, shift);
@@ -252,8 +255,8 @@ ALONE BY_HAND __kernel void tiles(
     __global uint4 *kept,                  // [a tile's pixels or 0, OF_PIXEL] between slabs
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
-    __global const uint2 *entries,         // depth, number of a segment
-    __global uint2 *sorted,                // the same, by depth, of lists that are not SHORT
+    __global uint2 *entries,               // depth, number of a segment; out: SHORT lists by depth
+    __global uint2 *sorted,                // the others by depth
     __global const float8 *ends,           // [survivors] of segments, see `fill`
     __global const uint *ids,
     __global const uint *cuts,
@@ -347,8 +350,7 @@ ALONE BY_HAND __kernel void tiles(
     t.overflow.n = 0;
     t.end = key_at(slab.y);
     fetch_samples(&picture, size, x * TILE, y * TILE);
-    uint2 near[SHORT] ALIGNED;
-    __global uint2 *list = n <= SHORT ? (__global uint2 *)(size_t)near : sorted + first;
+    __global uint2 *list = (n <= SHORT ? entries : sorted) + first;
     uint2 grain = 0;
     if (n)
         grain = sort_list(entries + first, n, list);
