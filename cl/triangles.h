@@ -220,8 +220,9 @@ INLINED some_i edge_in_row(int4 p, int4 q, int x, int y, const Row *row)
 
 /* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side; turn: see `Row`; alone: whether no
    other work-item writes there. */
-INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0, int y0, int x1,
-                          int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing, __global const uint *after)
+INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0,
+                          int y0, int x1, int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing,
+                          __global const uint *after)
 {
     const int samples = view->size.z, step = row->pixels * SUBPIXEL;
     const int x_first = x0 * SUBPIXEL + SUBPIXEL / 2, y_first = y0 * SUBPIXEL + SUBPIXEL / 2;
@@ -242,7 +243,8 @@ INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, in
                 continue;
             if (!known) {
                 plane = plane_of(a, b, c, x0, y0);
-                offsets = __builtin_convertvector(row->x, some_l) * (long)plane.gx + __builtin_convertvector(row->y, some_l) * (long)plane.gy;
+                offsets = __builtin_convertvector(row->x, some_l) * (long)plane.gx
+                    + __builtin_convertvector(row->y, some_l) * (long)plane.gy;
                 known = true;
             }
             const ulong d = plane.start + plane.gx * (ulong)(long)((x - x0) * SUBPIXEL)
