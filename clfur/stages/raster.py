@@ -58,8 +58,8 @@ def _body(gpu, view, body, after, phase, visible, fresh):
 
 
 def _side_by_side(gpu, n, fresh, **known):
-    """Draw n triangles where samples go side by side: each band of rows by one work-item, or some triangles by each, where
-    they are so small that to find those of a band would take longer."""
+    """Draw n triangles where samples go side by side: each band of rows by one work-item, or some triangles by each,
+    where they are so small that to find those of a band would take longer."""
     rows, in_bands = len(known["visible"]), AREA * n <= known["visible"].size
     reaches = REACHES.empty(gpu, n + gpu.lanes - 1 if in_bands else 0)
     if in_bands:
