@@ -16,7 +16,7 @@ SOME = 1 << 12                                        # of these there is room f
 REACHES = Declared("triangle", np.uint32)             # rows that it may touch
 SHARE = 512                                           # triangles that a work-item draws, or
 BANDS = 4                                             # of the picture for each core,
-AREA = 8                                              # where there are so many samples for a triangle
+AREA = 12                                             # where there are so many samples for a triangle
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
