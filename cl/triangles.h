@@ -294,7 +294,7 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
     int sum = 0, number = 0;
     for (uint bits = left; bits; bits &= bits - 1, ++number)
         sum += LANE_I(most, first_of(bits));
-    if (sum * samples > MANY * number) {
+    if (alone && sum * samples > MANY * number) {
         for (int turn = 0, turns = 1; turn < turns; ++turn) {
             const Row row = row_of(view, turn);
             turns = row.turns;
