@@ -203,8 +203,9 @@ __kernel void reach(
     const lanes least = lesser(lesser(at[0], at[1]), at[2]), most = greater(greater(at[0], at[1]), at[2]);
     const lanes_i in = (w[0] > 0.0f) & (w[1] > 0.0f) & (w[2] > 0.0f) & (least > -FAR) & (most < FAR);
     /* The next ones as well, as far as a sample lies from its pixel's middle. */
-    const lanes_i above = TO(lanes_i, in ? least : F(0.0f)) - 1 - view.rows.x, under = TO(lanes_i, in ? most : F(0.0f)) + 1 - view.rows.x;
-    const lanes_i none = in & ((under < 0) | (above > LAST)), top = in & (above > 0) ? above : I(0);
+    const lanes_i above = TO(lanes_i, in ? least : F(0.0f)) - 1 - view.rows.x;
+    const lanes_i under = TO(lanes_i, in ? most : F(0.0f)) + 1 - view.rows.x;
+    const lanes_i none = in & (under < 0), low = in & (above > 0) ? above : I(0), top = low < LAST ? low : I(LAST);
     const lanes_i bottom = in & (under < LAST) ? under : I(LAST);
     *(__global Reaches *)&reaches[item * LANES] = none ? U(LAST) : AS_U(bottom << 16 | top);
 #endif
@@ -218,8 +219,8 @@ APART __kernel void bands(
     __global const float4 *positions,      // as of `body`
     __global const uint4 *triangles,
     const uint n,
-    const uint share,                      // triangles of a work-item: all if it draws a band,
-    __global const uint *reaches,          // as `reach` tells
+    const uint share,                      // triangles of a work-item; 0: all, and it draws a band
+    __global const uint *reaches,          // as `reach` tells, if so
     const uint first,
     const int band,
     const int facing,
@@ -230,11 +231,12 @@ APART __kernel void bands(
 {
 #if LANES > 1
     WORK_ITEM(item);
-    const bool alone = share >= n;
-    const int top = alone ? view.rows.x + (int)item * band : view.rows.x, bottom = alone ? min(top + band, view.rows.y) : view.rows.y;
+    const bool alone = !share;
+    const int top = alone ? view.rows.x + (int)item * band : view.rows.x;
+    const int bottom = alone ? min(top + band, view.rows.y) : view.rows.y;
     const int4 window = (int4)(view.rows.z, view.rows.z + view.size.x, top, bottom);
     const uint begins = min(top - view.rows.x, LAST), ends = bottom - 1 - view.rows.x;
-    const uint from = alone ? 0 : item * share, until = n - from < share ? n : from + share;
+    const uint from = item * share, until = alone || n - from < share ? n : from + share;
     const size_t row = (size_t)view.size.x * view.size.z;
     for (size_t i = (top - view.rows.x) * row; fresh && i < (bottom - view.rows.x) * row; ++i)
         ((__global ulong *)visible)[i] = ~0ul;

@@ -177,13 +177,13 @@ INLINED int4 corner(const Corners *of, int k)
 #define MANY 48    // samples that they may hit, on average, from which on they are drawn one by one
 
 #if LANES == 8
-#define ABREAST 8
+#define TOGETHER 8
 typedef int8 some_i;
 typedef long8 some_l;
 typedef ulong8 Keys;
 #define bits_of_some bits_of_eight
 #else
-#define ABREAST 16
+#define TOGETHER 16
 typedef int16 some_i;
 typedef long16 some_l;
 typedef ulong16 Keys;
@@ -191,7 +191,7 @@ typedef ulong16 Keys;
 #endif
 typedef Keys KeysThere __attribute__((aligned(8)));
 
-/* ABREAST samples that lie side by side in memory: those of some pixels of a row, or some of one pixel. */
+/* TOGETHER samples that lie side by side in memory: those of some pixels of a row, or some of one pixel. */
 typedef struct {
     int pixels, turns;                     // how many pixels, or how many times as many samples one has
     some_i pixel, x, y;                    // of each: its pixel, and where it is from the middle of the first, in 1/SUBPIXEL
@@ -201,10 +201,10 @@ INLINED Row row_of(const View *view, int turn)
 {
     Row row;
     const int samples = view->size.z;
-    row.pixels = samples < ABREAST ? ABREAST / samples : 1;
-    row.turns = samples < ABREAST ? 1 : samples / ABREAST;
-    for (int k = 0; k < ABREAST; ++k) {
-        const int2 offset = PATTERN[view->size.w + (turn * ABREAST + k) % samples];
+    row.pixels = samples < TOGETHER ? TOGETHER / samples : 1;
+    row.turns = samples < TOGETHER ? 1 : samples / TOGETHER;
+    for (int k = 0; k < TOGETHER; ++k) {
+        const int2 offset = PATTERN[view->size.w + (turn * TOGETHER + k) % samples];
         LANE_I(row.pixel, k) = k / samples;
         LANE_I(row.x, k) = k / samples * SUBPIXEL + offset.x;
         LANE_I(row.y, k) = offset.y;
@@ -220,8 +220,9 @@ INLINED some_i edge_in_row(int4 p, int4 q, int x, int y, const Row *row)
 
 /* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side; turn: see `Row`; alone: whether no
    other work-item writes there. */
-INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0, int y0, int x1,
-                          int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing, __global const uint *after)
+INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0,
+                          int y0, int x1, int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing,
+                          __global const uint *after)
 {
     const int samples = view->size.z, step = row->pixels * SUBPIXEL;
     const int x_first = x0 * SUBPIXEL + SUBPIXEL / 2, y_first = y0 * SUBPIXEL + SUBPIXEL / 2;
@@ -242,14 +243,15 @@ INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, in
                 continue;
             if (!known) {
                 plane = plane_of(a, b, c, x0, y0);
-                offsets = __builtin_convertvector(row->x, some_l) * (long)plane.gx + __builtin_convertvector(row->y, some_l) * (long)plane.gy;
+                offsets = __builtin_convertvector(row->x, some_l) * (long)plane.gx
+                    + __builtin_convertvector(row->y, some_l) * (long)plane.gy;
                 known = true;
             }
             const ulong d = plane.start + plane.gx * (ulong)(long)((x - x0) * SUBPIXEL)
                 + plane.gy * (ulong)(long)((y - y0) * SUBPIXEL);
             const some_l depth = plane.z + ((offsets + (long)d) >> 14), most = depth < plane.farthest ? depth : plane.farthest;
             const some_l depths = most < plane.nearest ? plane.nearest : most;
-            const size_t first = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + turn * ABREAST;
+            const size_t first = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + turn * TOGETHER;
             if (alone && !facing && x + row->pixels <= window.y) {
                 __global KeysThere *there = (__global KeysThere *)&visible[first];
                 const Keys keys = __builtin_convertvector(depths, Keys) << 32 | id, before = *there;
@@ -292,7 +294,7 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
     int sum = 0, number = 0;
     for (uint bits = left; bits; bits &= bits - 1, ++number)
         sum += LANE_I(most, first_of(bits));
-    if (sum * samples > MANY * number) {
+    if (alone && sum * samples > MANY * number) {
         for (int turn = 0, turns = 1; turn < turns; ++turn) {
             const Row row = row_of(view, turn);
             turns = row.turns;

@@ -85,7 +85,8 @@ def random_body(seed, count, size):
 
 @pytest.mark.parametrize("samples", [1, 4, 16])
 @pytest.mark.parametrize("width, height, strands, triangles, size", [
-    (641, 479, 12, 8, 0.04), (97, 61, 150, 30, 0.15), (97, 61, 20, 1500, 0.03)])
+    (641, 479, 12, 8, 0.04), (97, 61, 150, 30, 0.15), (97, 61, 20, 1500, 0.03),
+    (23, 17, 5, 90, 0.1)])
 def test_bits_are_the_twins(gpu, fallback, width, height, strands, triangles, size, samples):
     view = perspective(width, height, samples)
     strands = random_strands(1, strands, pixel=2.65 / height)

@@ -158,7 +158,7 @@ def marched(gpu, options, path):
     lines = ["# Layers drawn or marched", "",
              f"`python tools/figures.py --only march` on {gpu.device.name.strip()}: milliseconds on the device for 30 "
              "layers of a sphere, cells, without noise and shadows, one sample, median of 9 runs in turn.  *drawn*: "
-             "`raster.body` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
+             "`raster` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
              "`shade.color` of each layer, which finds a pixel's place and lights it; neither reads the fur's "
              "pattern nor adds layers up.  *marched*: `entries` and `march`, the fur with all that belongs to it.", "",
              line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"),

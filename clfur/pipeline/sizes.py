@@ -20,7 +20,7 @@ from ..stages.march import Rays
 from ..stages.mattes import LEAST as MATTE_BUNDLES
 from ..stages.mattes import Owners
 from ..stages.order import Order
-from ..stages.raster import LEFT, VISIBLE
+from ..stages.raster import LEFT, REACHES, VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import size_of
 from ..stages.sky import POINT_LIGHT
@@ -36,7 +36,7 @@ from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
-VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
+VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes + REACHES.bytes
 POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
 COLOR = DeviceStrands.bytes(color=1)    # of a point, where it has one
 # More of the user's strands: of a point, where each has a width and a colour, and of a strand.

@@ -16,7 +16,7 @@ SOME = 1 << 12                                        # of these there is room f
 REACHES = Declared("triangle", np.uint32)             # rows that it may touch
 SHARE = 512                                           # triangles that a work-item draws, or
 BANDS = 4                                             # of the picture for each core,
-AREA = 8                                              # where there are so many samples for a triangle
+AREA = 12                                             # where there are so many samples for a triangle
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
@@ -58,7 +58,7 @@ def _body(gpu, view, body, after, phase, visible, fresh):
 
 
 def _side_by_side(gpu, n, fresh, **known):
-    """Draw n triangles where samples are drawn side by side: each band of rows by one work-item, or some triangles by each,
+    """Draw n triangles where samples go side by side: each band of rows by one work-item, or some triangles by each,
     where they are so small that to find those of a band would take longer."""
     rows, in_bands = len(known["visible"]), AREA * n <= known["visible"].size
     reaches = REACHES.empty(gpu, n + gpu.lanes - 1 if in_bands else 0)
@@ -66,9 +66,8 @@ def _side_by_side(gpu, n, fresh, **known):
         gpu.launch("raster.reach", -(-n // gpu.lanes), n=n, reaches=reaches,
                    **{name: known[name] for name in ("view", "positions", "triangles")})
     band = -(-rows // min(BANDS * gpu.device.max_compute_units, rows))
-    share = n if in_bands else SHARE
-    gpu.launch("raster.bands", -(-rows // band) if in_bands else -(-n // share), n=n, share=share, reaches=reaches, band=band,
-               fresh=fresh, **known)
+    gpu.launch("raster.bands", -(-rows // band) if in_bands else -(-n // SHARE), n=n, share=0 if in_bands else SHARE,
+               reaches=reaches, band=band, fresh=fresh, **known)
 
 
 def _lines(gpu, view, strands, phase, visible):
