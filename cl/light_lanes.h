@@ -11,11 +11,15 @@
 #endif
 
 /* Numbers of each lane, four in a row: where every lane looks its own up, a row is put down at once, not number by number. */
+#if LANES == 1
+typedef struct {
+    float4 of[LANES];
+} LaneRows;
+#else
 typedef struct {
     float4 of[LANES];
 } __attribute__((aligned(64))) LaneRows;
 
-#if LANES > 1
 /* Eight rows, two in each vector, as columns. */
 INLINED void turn_eight(const float8 *rows, float8 *x, float8 *y, float8 *z, float8 *w)
 {
@@ -121,6 +125,16 @@ INLINED lanes cosine_to(const Light *light, lanes3 p, lanes3 n, lanes of_face, l
 
 typedef float2 Pair __attribute__((aligned(4)));   // two numbers one after the other
 
+/* Two numbers and two others, number by number where Oclgrind may run it. */
+INLINED float4 pairs(__global const float *a, __global const float *b)
+{
+#if LANES == 1
+    return (float4)(a[0], a[1], b[0], b[1]);
+#else
+    return (float4)(*(__global const Pair *)a, *(__global const Pair *)b);
+#endif
+}
+
 /* See `through_hair`; own_x and own_y are its self_shadow. */
 INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
 {
@@ -142,8 +156,8 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     LaneRows before, behind;
     for (int k = 0; k < LANES; ++k) {
         const int m = LANE_I(fore, k), n = LANE_I(rear, k);
-        before.of[k] = (float4)(*(__global const Pair *)(near + m), *(__global const Pair *)(near + n));
-        behind.of[k] = (float4)(*(__global const Pair *)(far + m), *(__global const Pair *)(far + n));
+        before.of[k] = pairs(near + m, near + n);
+        behind.of[k] = pairs(far + m, far + n);
     }
     const lanes4 first = four_of(&before), last = four_of(&behind);
     const lanes a = left * front * (first.x + fz * (last.x - first.x));
