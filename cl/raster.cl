@@ -205,8 +205,8 @@ __kernel void reach(
     /* The next ones as well, as far as a sample lies from its pixel's middle. */
     const lanes_i above = TO(lanes_i, in ? least : F(0.0f)) - 1 - view.rows.x;
     const lanes_i under = TO(lanes_i, in ? most : F(0.0f)) + 1 - view.rows.x;
-    const lanes_i none = in & (under < 0), low = in & (above > 0) ? above : I(0), top = low < LAST ? low : I(LAST);
-    const lanes_i bottom = in & (under < LAST) ? under : I(LAST);
+    const lanes_i none = in & (under < 0), low = (in & (above > 0)) ? above : I(0), top = low < LAST ? low : I(LAST);
+    const lanes_i bottom = (in & (under < LAST)) ? under : I(LAST);
     *(__global Reaches *)&reaches[item * LANES] = none ? U(LAST) : AS_U(bottom << 16 | top);
 #endif
 }

@@ -35,7 +35,7 @@ INLINED bool few_in_order(const Slots *slots, int n, const int vectors, int unti
     int depths[AT_ONE_TIME] ALIGNED;
     int8 depth[2], id[2], share[2], number[2], where[2], rank[2], ranks = 0;
     pieces->soon = pieces->near = 0;
-    #pragma unroll
+    #pragma unroll 2
     for (int g = 0; g < vectors; ++g) {
         const int8 a = *(const int8 *)(slots->keys + 8 * g), b = *(const int8 *)(slots->keys + 8 * g + 4);
         depth[g] = lane < n - 8 * g ? (int8)(a.s1357, b.s1357) : (int8)(INT_MAX);
@@ -51,13 +51,13 @@ INLINED bool few_in_order(const Slots *slots, int n, const int vectors, int unti
         return true;
     #pragma nounroll                 // it would be turned into shuffles
     for (int k = 0; k < n; k += 4) {
-        #pragma unroll
+        #pragma unroll 2
         for (int g = 0; g < vectors; ++g)
             rank[g] -= (depths[k] < depth[g]) + (depths[k + 1] < depth[g])
                 + (depths[k + 2] < depth[g]) + (depths[k + 3] < depth[g]);
     }
     ulong4 places = 0;
-    #pragma unroll
+    #pragma unroll 2
     for (int g = 0; g < vectors; ++g) {
         ranks |= (int8)1 << rank[g];
         const uint8 bits = as_uint8(rank[g] * 4);
@@ -65,7 +65,7 @@ INLINED bool few_in_order(const Slots *slots, int n, const int vectors, int unti
         places |= (ulong4)(4, 5, 6, 7) + (ulong)(8 * g) << __builtin_convertvector(bits.hi, ulong4);
     }
     const ulong order = (places.x | places.y) | (places.z | places.w);
-    #pragma unroll
+    #pragma unroll 2
     for (int g = 0; g < vectors; ++g) {
         const int8 its = in_order_of(id, vectors, order, g), step = its - in_order_of(id, vectors, order << 4, g);
         pieces->near |= bits_of(as_int8(as_uint8(step + 1) <= 2u)) << 8 * g;

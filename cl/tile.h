@@ -82,7 +82,7 @@ INLINED void look_at(const Tile *t, const Chunk *chunk, int m, Drawn *drawn)
         const lanes_l pixels = row & ((one << until << until) - (one << from << from)) & (long)t->open;
         const lanes_i start = steep ? top : left, of_few = start < TILE / 2 ? start : I(TILE / 2);
         const lanes_i few = (of_few == TILE / 2) | (bu <= REAL(of_few + TILE / 2 + (steep ? t->top : t->left)));
-        const uint all = m - i < LANES ? (1u << m - i) - 1 : (1u << LANES) - 1;
+        const uint all = m - i < LANES ? (1u << (m - i)) - 1 : (1u << LANES) - 1;
         const uint on = bits_of(TO(lanes_i, pixels != 0)) & all, lean = bits_of(out > 0.0f), narrow = bits_of(few) & ~lean;
         *(lanes_i *)(drawn->firsts + i) = of_few;
         drawn->n_few += list_lanes(drawn->few + drawn->n_few, on & narrow, i);

@@ -255,7 +255,7 @@ INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, in
             if (alone && !facing && x + row->pixels <= window.y) {
                 __global KeysThere *there = (__global KeysThere *)&visible[first];
                 const Keys keys = __builtin_convertvector(depths, Keys) << 32 | id, before = *there;
-                *there = __builtin_convertvector(in, some_l) & (keys < before) ? keys : before;
+                *there = (__builtin_convertvector(in, some_l) & (keys < before)) ? keys : before;
                 continue;
             }
             for (; bits; bits &= bits - 1) {
