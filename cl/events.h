@@ -16,7 +16,7 @@ typedef struct {
     float kept, room, most;          // light let through; share of samples that are open; of what fills most
     uint next;                       // depth of `fours` that comes next
     ulong best;                      // what fills most of it so far, strands alone
-    uint chains, oldest;
+    uint chains, oldest;             // begun so far, CHAINS at most where LANES is 1: there the next to go
     uint8 lows, highs;               // numbers of each chain's pieces
     float8 sums;                     // and what they cover
     size_t at;                       // in the picture

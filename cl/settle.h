@@ -38,7 +38,7 @@ INLINED bool few_in_order(const Slots *slots, int n, const int vectors, int unti
     #pragma unroll 2
     for (int g = 0; g < vectors; ++g) {
         const int8 a = *(const int8 *)(slots->keys + 8 * g), b = *(const int8 *)(slots->keys + 8 * g + 4);
-        depth[g] = lane < n - 8 * g ? (int8)(a.s1357, b.s1357) : (int8)(INT_MAX);
+        depth[g] = lane < n - 8 * g ? (int8)(a.s1357, b.s1357) : (int8)(INT_MAX);   // little-endian, as devices with LANES are
         id[g] = (int8)(a.s0246, b.s0246);
         share[g] = *(const int8_at_4 *)(slots->shares + 8 * g);
         number[g] = *(const int8_at_4 *)(slots->numbers + 8 * g);

@@ -218,10 +218,10 @@ INLINED some_i edge_in_row(int4 p, int4 q, int x, int y, const Row *row)
     return (int)(edge(p, q, x, y) + edge_bias(p, q)) + (q.x - p.x) * row->y - (q.y - p.y) * row->x;
 }
 
-/* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side; turn: see `Row`; alone: whether no
-   other work-item writes there. */
+/* Draw a small triangle into pixels (x0, y0) to (x1, y1), samples of a row side by side, where no other work-item writes;
+   turn: see `Row`. */
 INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, int x0,
-                          int y0, int x1, int y1, const Row *row, int turn, bool alone, uint id, int phase, int facing,
+                          int y0, int x1, int y1, const Row *row, int turn, uint id, int phase, int facing,
                           __global const uint *after)
 {
     const int samples = view->size.z, step = row->pixels * SUBPIXEL;
@@ -252,7 +252,7 @@ INLINED void draw_in_rows(volatile __global ulong *visible, const View *view, in
             const some_l depth = plane.z + ((offsets + (long)d) >> 14), most = depth < plane.farthest ? depth : plane.farthest;
             const some_l depths = most < plane.nearest ? plane.nearest : most;
             const size_t first = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + turn * TOGETHER;
-            if (alone && !facing && x + row->pixels <= window.y) {
+            if (!facing && x + row->pixels <= window.y) {
                 __global KeysThere *there = (__global KeysThere *)&visible[first];
                 const Keys keys = __builtin_convertvector(depths, Keys) << 32 | id, before = *there;
                 *there = (__builtin_convertvector(in, some_l) & (keys < before)) ? keys : before;
@@ -301,7 +301,7 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
             for (uint bits = left; bits; bits &= bits - 1) {
                 const int k = first_of(bits);
                 draw_in_rows(visible, view, window, corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k),
-                             LANE_I(x1, k), LANE_I(y1, k), &row, turn, alone, BODY | ids[k], phase, facing, after);
+                             LANE_I(x1, k), LANE_I(y1, k), &row, turn, BODY | ids[k], phase, facing, after);
             }
         }
         return;

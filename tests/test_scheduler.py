@@ -174,10 +174,16 @@ def test_a_large_array_that_stays_is_not_waited_for_nor_kept(gpu):
     written, stays = np.arange(1 << 17), np.arange(1 << 17)
     stays.flags.writeable = False
     assert written.nbytes > scheduler.SMALL
-    waited, pending = gpu.upload(written), gpu.upload(stays)
+    gpu.download(busy[0][:1])
+    view = written.view()
+    view.flags.writeable = False   # but what it is a view of is not
+    waited = gpu.upload(written), gpu.upload(view)
+    assert not gpu._uploads
+    pending = gpu.upload(stays)
+    assert len(gpu._uploads) == 1
     written[:], owner = -1, weakref.ref(stays)
     del stays
-    for there in waited, pending:
+    for there in *waited, pending:
         np.testing.assert_array_equal(gpu.download(there), np.arange(1 << 17))
     assert owner() is None and len(busy) == 8
 

@@ -190,7 +190,7 @@ class Scheduler:
         if not array.size:
             return there
         # What nobody writes into is not waited for: to wait would be to wait for all that is to be done before.
-        stays = not array.flags.writeable or (array is not given and array.base is None)
+        stays = _is_frozen(array) or (array is not given and array.base is None)
         with self._watched("takes no data"):
             if not stays and array.nbytes > SMALL:
                 there.set(array)
@@ -454,6 +454,15 @@ class Scheduler:
             self._kernels[name] = signature.Kernel(name, arguments, kernel, stated or GROUP)
         self._stems.add(stem)
         return self._kernels
+
+
+def _is_frozen(array) -> bool:
+    """Whether nobody can write into an array, nor into what it is a view of."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return array is None
 
 
 def _buffer(array) -> Any:
