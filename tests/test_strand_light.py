@@ -96,6 +96,27 @@ def test_ranges_of_depths_change_nothing(gpu, monkeypatch, kind, size, light):
         assert (found[2] != found[0]).any() == (gpu.lanes > 1 and light.size == 0)   # discs do not ask them
 
 
+@pytest.mark.parametrize("size", [pytest.param(5, marks=pytest.mark.small), 129, 300])
+def test_ranges_are_of_the_texels_around_a_block(gpu, size):
+    """Of these at least, and of four more columns at most."""
+    scene = furry("strand", 4)
+    lighting = cast_shadows(gpu, scene, clfur.Settings(grid=16, shadow_map=size), strands_of(gpu, scene),
+                            tessellate(gpu, scene.mesh))
+    blocks = strand_light.BLOCKS
+    ranges = gpu.full(blocks**2, np.uint32, 0)
+    gpu.launch("strand_light.depth_ranges", blocks, shadows=lighting.shadows, ranges=ranges,
+               light_views=lighting.light_views, shadow_maps=lighting.shadow_maps)
+    told, side = gpu.download(ranges).reshape(blocks, blocks), -(-size // blocks)
+    depths = np.minimum((gpu.download(lighting.shadow_maps).ravel() >> np.uint64(32 + 15)), 0xFFFF).reshape(size, size)
+    assert len(np.unique(depths)) > 2
+    for y in range(0, size, side):
+        rows = depths[max(y - 1, 0):y + side + 1]
+        for x in range(0, size, side):
+            nearest, furthest = told[y // side, x // side] & 0xFFFF, told[y // side, x // side] >> 16
+            around, more = rows[:, max(x - 1, 0):x + side + 1], rows[:, max(x - 5, 0):x + side + 5]
+            assert more.min() <= nearest <= around.min() and around.max() <= furthest <= more.max()
+
+
 @pytest.mark.parametrize("kind, form, n, shadowed", [
     pytest.param("point", "kajiya-kay", 4, True, marks=pytest.mark.small), ("all", "kajiya-kay", 60, False),
     ("strand", "half-vector", 60, True), ("grown", "kajiya-kay", 0, True)])

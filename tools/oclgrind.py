@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 600   # seconds a stage may take
 
 # Kernels of which nothing is there where LANES is 1, as under Oclgrind: others stand in for them.
-IN_LANES = "coverage.tiles",
+IN_LANES = "coverage.tiles", "raster.reach", "raster.bands"
 
 # Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it, and of
 # which file and line.
