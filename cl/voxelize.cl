@@ -14,6 +14,12 @@
 #define LANES LANES_HINTED
 #endif
 #include "lanes.h"
+#ifdef __SPIR64__                                       // Mesa takes none there
+#undef PREFETCH
+#undef PREFETCH_TO_WRITE
+#define PREFETCH(p)
+#define PREFETCH_TO_WRITE(p)
+#endif
 
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
@@ -139,6 +145,18 @@ INLINED void eight(__global const float4 *points, const uint *at, float8 *to)
     to[2] = (float8)(ab2.s01, cd2.s01, ab2.s45, cd2.s45);
     to[3] = (float8)(ab2.s23, cd2.s23, ab2.s67, cd2.s67);
 }
+
+/* Eights of numbers as one vector, without memory that would be written in small parts and read at once. */
+INLINED lanes joined(const float8 *eights)
+{
+#if LANES == 8
+    return eights[0];
+#elif LANES == 16
+    return (lanes)(eights[0], eights[1]);
+#else
+    return (lanes)(eights[0], eights[1], eights[2], eights[3]);
+#endif
+}
 #endif
 
 /* The points with these numbers, a lane each, snapped as in `to_cells`. */
@@ -152,21 +170,33 @@ INLINED void take(const Grid *grid, __global const float4 *points, const uint *a
     z = p.z;
     width = p.w;
 #else
+    float8 xs[LANES / 8], ys[LANES / 8], zs[LANES / 8], widths[LANES / 8];
+#pragma unroll
     for (int i = 0; i < LANES / 8; ++i) {
         float8 columns[4];
         eight(points, at + 8 * i, columns);
-        ((float8 *)&x)[i] = columns[0];
-        ((float8 *)&y)[i] = columns[1];
-        ((float8 *)&z)[i] = columns[2];
-        ((float8 *)&width)[i] = columns[3];
+        xs[i] = columns[0];
+        ys[i] = columns[1];
+        zs[i] = columns[2];
+        widths[i] = columns[3];
     }
+    x = joined(xs);
+    y = joined(ys);
+    z = joined(zs);
+    width = joined(widths);
 #endif
     const float4 mx = grid->to_grid[0], my = grid->to_grid[1], mz = grid->to_grid[2], m1 = grid->to_grid[3];
     const lanes cx = ((mx.x * x + my.x * y) + mz.x * z) + m1.x, cy = ((mx.y * x + my.y * y) + mz.y * z) + m1.y;
-    const lanes cz = ((mx.z * x + my.z * y) + mz.z * z) + m1.z, w = ((mx.w * x + my.w * y) + mz.w * z) + m1.w;
+    const lanes cz = ((mx.z * x + my.z * y) + mz.z * z) + m1.z;
+    lanes w = F(1.0f), qx = cx, qy = cy;
+    if (grid->light.w != 0.0f) {           // a spot: under parallel rays w is 1
+        w = ((mx.w * x + my.w * y) + mz.w * z) + m1.w;
+        qx = cx / w;
+        qy = cy / w;
+    }
     const int most = grid->size.x > grid->size.y ? grid->size.x : grid->size.y;
     const float far = 4 * (most > grid->size.z ? most : grid->size.z);
-    const lanes qx = cx / w, qy = cy / w, qz = grid->size.w ? cz < -far ? F(-far) : cz : cz;
+    const lanes qz = grid->size.w ? cz < -far ? F(-far) : cz : cz;
     const float least = grid->size.w ? grid->face.w : 0.0f;
     const lanes_i near = (w > 0.0f) & (w >= least) & (qx <= far) & (qy <= far) & (qz <= far) & (qx >= -far) & (qy >= -far)
         & (qz >= -far);
@@ -221,80 +251,7 @@ INLINED lanes_u crossings_of(const Grid *grid, const Places *a, const Places *b,
 }
 
 #if LANES > 1
-/* Cells that the first work-item of a group, which does the strands of all of it, gathers by itself, so that few atomics
-   are left: in local memory, as PoCL has private memory for a whole group on a stack of 8 MB. */
-typedef struct {
-    int4 first, size;
-    __local uint *held;                    // [size.z, size.y, size.x]
-} Block;
-
-/* Cells around a run of strands, of which a few points tell where they lie; what is elsewhere goes to the grid at once.
-   -> How many there are. */
-int put_around(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
-               uint end)
-{
-    const int4 lowest = (int4)(-1, -1, 0, 0), highest = (int4)(grid->size.x, grid->size.y, grid->size.z - 1, 0);
-    int4 low = (int4)(INT_MAX), high = (int4)(INT_MIN);
-    for (uint strand = begin; strand < end; strand += (end - begin + 7) / 8) {
-        const uint2 span = spans[strand];
-        for (uint k = 0; k < 3 && span.y; ++k) {
-            float w;
-            const int4 p = to_cells(grid, points[span.x + (span.y - 1) * k / 2], &w);
-            if (p.x != OUTSIDE) {
-                low = min(low, p);
-                high = max(high, p);
-            }
-        }
-    }
-    block->first = clamp((low >> 8) - 2, lowest, highest);
-    block->size = max(clamp((high >> 8) + 2, lowest, highest) + 1 - block->first, 1);
-    /* Columns in pairs, see `give_back`. */
-    block->size.x += block->first.x & 1;
-    block->first.x -= block->first.x & 1;
-    block->size.x += block->size.x & 1;
-    return block->size.x * block->size.y * block->size.z;
-}
-
-/* Clear cells around strands from `begin` on, as many of `run` as a block can hold, `end` at most; where it can't, `run`
-   is halved. -> One past the last of these. */
-uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
-                uint end, uint *run)
-{
-    uint past;
-    int cells;
-    for (;; *run /= 2) {
-        past = begin + *run < end ? begin + *run : end;
-        cells = put_around(block, grid, points, spans, begin, past);
-        if (cells <= HELD || *run <= LANES)
-            break;
-    }
-    if (cells > HELD) {
-        block->size = (int4)(2, 1, 1, 0);  // too small for anything
-        cells = 2;
-    }
-    for (int i = 0; i < cells; ++i)
-        block->held[i] = 0;
-    return past;
-}
-
-/* Add what a block holds to the grid. */
-void give_back(const Block *block, const Grid *grid, volatile __global uint *cells)
-{
-    const __local uint *held = block->held;
-    for (int z = block->first.z; z < block->first.z + block->size.z; ++z)
-        for (int y = block->first.y; y < block->first.y + block->size.y; ++y)
-            for (int x = block->first.x; x < block->first.x + block->size.x; x += 2, held += 2) {
-#if INT64_ATOMICS
-                /* No cell can overflow into the next. */
-                if ((held[0] | held[1]) && in_grid(grid, x, y, z))
-                    atom_add((volatile __global ulong *)&cells[((size_t)z * grid->size.y + y) * grid->size.x + x],
-                             (ulong)held[1] << 32 | held[0]);
-#else
-                add(cells, grid, x, y, z, held[0]);
-                add(cells, grid, x + 1, y, z, held[1]);
-#endif
-            }
-}
+#include "gathered.h"
 #else
 typedef int Block;                         // a strand a work-item: nothing is gathered
 #endif
@@ -308,22 +265,24 @@ INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, Block *b
 #else
     const int across = block->size.x;
     const lanes_i bx = (x >> 8) - block->first.x, by = (y >> 8) - block->first.y, bz = z - block->first.z;
-    const lanes_i within = (bx >= 0) & (bx < across - 1) & (by >= 0) & (by < block->size.y - 1) & (bz >= 0)
-        & (bz < block->size.z);
+    const lanes_i within = (AS_U(bx) < U(across - 1)) & (AS_U(by) < U(block->size.y - 1)) & (AS_U(bz) < U(block->size.z));
     const lanes_i at = within ? (bz * block->size.y + by) * across + bx : I(0);
     const lanes_u here = within ? all : U(0), other = all - here, fx = AS_U(x & 255), fy = AS_U(y & 255);
     const lanes_u right = share_of(here, fx), both = share_of(right, fy), behind = share_of(here, fy);
     const lanes_u corner = here - right - behind + both, right_alone = right - both, behind_alone = behind - both;
+    __local uint *front = block->held, *back = front + across;
+#pragma unroll 4
     for (int l = 0; l < LANES; ++l) {
-        __local uint *held = block->held + LANE_I(at, l);
-        held[0] += LANE_I(corner, l);
-        held[1] += LANE_I(right_alone, l);
-        held[across] += LANE_I(behind_alone, l);
-        held[across + 1] += LANE_I(both, l);
+        const int i = LANE_I(at, l);
+        front[i] += LANE_I(corner, l);
+        front[i + 1] += LANE_I(right_alone, l);
+        back[i] += LANE_I(behind_alone, l);
+        back[i + 1] += LANE_I(both, l);
     }
-    if (any_lane(other != 0u))
-        for (int l = 0; l < LANES; ++l)
-            add_between(cells, grid, LANE_I(x, l), LANE_I(y, l), LANE_I(z, l), (uint)LANE_I(other, l));
+    for (uint rest = bits_of(other != 0u); rest; rest &= rest - 1) {
+        const int l = first_of(rest);
+        add_between(cells, grid, LANE_I(x, l), LANE_I(y, l), LANE_I(z, l), LANE_U(other, l));
+    }
 #endif
 }
 
@@ -374,37 +333,44 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
                        __global const float4 *strand_uv, __global const uint *weights, volatile __global uint *cells,
                        Block *block, uint strand, uint end, uint2 stretch, float before)
 {
-    uint first[LANES], at[LANES], some = 0, longest = 0;
+    uint some = 0, longest = 0;
+    lanes_u first;
     lanes_i counts;
     lanes weight, left = F(before);
     for (uint l = 0; l < LANES; ++l) {
         const bool there = strand + l < end;
         const uint2 span = there ? spans[strand + l] : (uint2)(0);
-        first[l] = span.x;
+        LANE_U(first, l) = span.x;
         LANE_I(counts, l) = span.y;
         LANE(weight, l) = there ? weights[(int)strand_uv[strand + l].z] : 0;
         some = span.y ? span.x : some;
         longest = span.y > longest ? span.y : longest;
     }
-    Places a, b;
-    for (uint k = stretch.x; k < longest && k <= stretch.y; ++k, a = b) {
-        for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
-            at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
-#ifndef __SPIR64__                         // Mesa takes none there
+    Places ends[2], kept;
+    for (uint k = stretch.x; k < longest && k <= stretch.y; ++k) {
+        const lanes_u at = counts > (int)k ? first + k : U(some);   // where a strand has ended, any point will do
         for (uint l = 0; l < LANES; l += 4)   // strands lie one behind the other: those that are next
-            PREFETCH(points + first[0] + LANES * (longest + k) + l);
-#endif
-        take(grid, points, at, &b);
+            PREFETCH(points + LANE_U(first, 0) + LANES * (longest + k) + l);
+        /* Vectors so long are in memory, and stay where they are; a GPU has its points in registers. */
+        const uint turn = LANES == 1 ? 1 : k & 1;
+        Places *p = &ends[1 - turn], *q = &ends[turn];
+        if (LANES == 1 && k > stretch.x)
+            *p = *q;
+        take(grid, points, (const uint *)&at, q);
         if (k == stretch.x)
             continue;
-        Places p = a, q = b;
         lanes_i on = counts > (int)k;
-        if (any_lane(on & (p.away | q.away)))
-            on = bring_in(grid, &p, &q, on);
+        const bool leaves = any_lane(on & (p->away | q->away));
+        if (leaves) {
+            kept = *q;
+            on = bring_in(grid, p, q, on);
+        }
         if (!grid->size.w)
-            on &= (p.z >= 0) | (q.z >= 0);
-        const lanes_u amount = crossings_of(grid, &p, &q, weight, on, &left);
-        spread(cells, grid, block, &p, &q, amount, on);
+            on &= (p->z >= 0) | (q->z >= 0);
+        const lanes_u amount = crossings_of(grid, p, q, weight, on, &left);
+        spread(cells, grid, block, p, q, amount, on);
+        if (leaves)
+            *q = kept;
     }
     return LANE(left, 0);
 }
@@ -433,7 +399,7 @@ BY_HAND __kernel void lengths(
     if (!all)
         rests[i] = rest;
 #else
-    __local uint held[HELD];
+    __local uint held[HELD + 32];          // so many of a row are looked at at once
     WORK_ITEM(i);
     if (get_local_id(0))
         return;

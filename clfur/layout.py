@@ -30,7 +30,7 @@ CONSTANTS = {
     "KEPT_PIXEL": 32,       # uint4 of a pixel between slabs of depth,
     "MASKED_PIXEL": 72,     # and where it has masks
     "AT_A_TIME": 128,       # strands that a work-item lists where columns go side by side
-    "GATHERED": 4,          # and for how many each of a group stands that puts them into a light's grid together
+    "GATHERED": 8,          # and for how many each of a group stands that puts them into a light's grid together
     "GLOWS": 64,            # pieces whose light is added together, a multiple of 8
     "MARKED": 512,          # marks that a work-item goes through, a multiple of 8
     "BUCKETS": 256,         # by depth, into which the segments of a tile are sorted

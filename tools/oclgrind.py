@@ -38,7 +38,7 @@ IN_LANES = "coverage.tiles", "raster.reach", "raster.bands"
 # Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it, and of
 # which file and line.
 PLANTED = [
-    ("voxelize.cl", "(int)k < LANE_I(counts, l) ? first[l] + k : some", "first[l] + 2 * k",
+    ("voxelize.cl", "counts > (int)k ? first + k : U(some)", "first + 2 * k",
      "Invalid read of size 16 at global memory", "voxelize.cl", "    const float4 p = points[at[0]];"),
     ("cells.h", "atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
