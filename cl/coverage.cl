@@ -69,6 +69,10 @@ __kernel void bound(
 #define COUNT 1      // counts them
 #define LIST 2       // lists them
 
+#if LANES > 1
+#include "boxes.h"
+#endif
+
 /* How far a strand has come where a driver ends long loops: then it goes on in another launch. */
 typedef struct {
     uint steps;                            // of loops that may be taken still
@@ -83,9 +87,10 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
                        volatile __global uint *counts, __global uint2 *entries, uint number, Stage *stage)
 {
     const int across = (view->size.x + TILE - 1) / TILE;
-    const uint depth = batch->depth[k];
+    const uint depth = LANE_U(batch->depth, k);
+    const int top = LANE_I(batch->top, k), bottom = LANE_I(batch->bottom, k);
     uint n = 0;
-    for (int y = LANES == 1 && stage->row > batch->top[k] ? stage->row : batch->top[k]; y <= batch->bottom[k]; ++y) {
+    for (int y = LANES == 1 && stage->row > top ? stage->row : top; y <= bottom; ++y) {
         const int2 row = in_row(batch, k, y, view);
 #if LANES == 1
         const uint steps = 3 + (row.y > row.x ? row.y - row.x : 0);
@@ -108,11 +113,36 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
             else {
                 const uint place = atomic_inc(&counts[tile]);
                 entries[place] = (uint2)(depth, number);
-                PREFETCH_TO_WRITE(entries + place + 8);   // a line further: the tile's next ones, soon
             }
         }
     }
     return n;
+}
+
+#if LANES == 1
+#define SEVERAL(bits) (bits)               // how many bits are set
+#else
+#define SEVERAL __builtin_popcount
+#endif
+
+/* Count the tiles that segments of a batch may show in -> those that may show, a bit each. */
+INLINED uint count_tiles(const Batch *batch, const View *view, __global const uint *bounds, volatile __global uint *counts,
+                         Stage *stage)
+{
+    const uint2 all = (uint2)(0, ~0u);
+#if LANES == 1
+    return batch->on && each_tile(batch, 0, view, bounds, all, COUNT, counts, 0, 0, stage);
+#else
+    Boxes boxes;
+    look_up_boxes(batch, batch->on, view, bounds, all, &boxes);
+    for (int pair = 0; pair < BOX_ROWS / 2; ++pair)
+        for (ulong bits = boxes.shows[pair]; bits; bits &= bits - 1)
+            atomic_inc(&counts[tile_of(&boxes, pair, __builtin_ctzl(bits))]);
+    uint these = shown_of(&boxes);
+    for (uint bits = boxes.large; bits; bits &= bits - 1)
+        these |= each_tile(batch, first_of(bits), view, bounds, all, COUNT, counts, 0, 0, stage) ? bits & -bits : 0;
+    return these;
+#endif
 }
 
 /* Go on with a strand where it has come to -> whether it is not at its beginning. */
@@ -184,13 +214,14 @@ IN_FEW BY_HAND __kernel void count(
             const uint left = span.y - 1 - i;
             Batch batch;
             project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-            for (int k = 0; k < LANES; ++k)
-                if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
-                    n += !stage.shown;
-                    stage.shown = LANES == 1;
-                    first = batch.top[k] < first ? batch.top[k] : first;
-                    last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
-                }
+            const uint these = count_tiles(&batch, &view, bounds, counts, &stage);
+            n += stage.shown ? 0 : SEVERAL(these);
+            stage.shown = LANES == 1 && (stage.shown || these);
+            for (uint bits = known ? these : 0; bits; bits &= bits - 1) {
+                const int k = first_of(bits), top = LANE_I(batch.top, k), past = LANE_I(batch.bottom, k) + 1;
+                first = top < first ? top : first;
+                last = past > last ? past : last;
+            }
             if (stops(&stage, stages, n_open, strand, i))
                 break;
         }
@@ -201,14 +232,38 @@ IN_FEW BY_HAND __kernel void count(
         atomic_add(survivors, n);
 }
 
-
 /* Segments that wait for their numbers. */
 typedef struct {
     Batch batches[BATCHES];
+#if LANES > 1
+    Boxes boxes[BATCHES];
+#endif
     uint ids[BATCHES];                     // of each one's first segment
+    uint those[BATCHES];                   // of its segments that may show, a bit each
     uint segments;
     int n;                                 // batches
 } Found;
+
+/* Find the tiles of a window in which segments of the last batch may show -> those that may, a bit each. */
+INLINED uint find_tiles(Found *found, const View *view, __global const uint *bounds, uint2 window, uint2 slab, Stage *stage)
+{
+    const Batch *batch = found->batches + found->n;
+    lanes_i on = batch->on & (batch->depth < slab.y);
+    for (uint bits = slab.x ? bits_of(on) : 0; bits; bits &= bits - 1) {
+        const int k = first_of(bits);
+        LANE_I(on, k) = furthest(batch, k) >= slab.x ? ON : 0;
+    }
+#if LANES == 1
+    return on && (stage->shown || each_tile(batch, 0, view, bounds, window, ANY, 0, 0, 0, stage));
+#else
+    Boxes *boxes = found->boxes + found->n;
+    look_up_boxes(batch, on, view, bounds, window, boxes);
+    uint these = shown_of(boxes);
+    for (uint bits = boxes->large; bits; bits &= bits - 1)
+        these |= each_tile(batch, first_of(bits), view, bounds, window, ANY, 0, 0, 0, stage) ? bits & -bits : 0;
+    return these;
+#endif
+}
 
 /* Number and list segments that were found.  All that get numbers take them from one counter: seldom, and many at a time. */
 INLINED void list(Found *found, const View *view, __global const uint *bounds, uint2 window, volatile __global uint *cursors,
@@ -218,14 +273,32 @@ INLINED void list(Found *found, const View *view, __global const uint *bounds, u
     uint number = stage->shown ? stage->shown - 1 : atomic_add(survivors, found->segments);
     for (int m = 0; m < found->n; ++m) {
         const Batch *batch = found->batches + m;
-        for (int k = 0; k < LANES; ++k)
-            if (batch->on[k]) {
-                ends[number] = batch->ends[k];
-                ids[number] = (found->ids[m] + k) | (batch->cut[k] == WHOLE_WAY ? 0 : CLIPPED);
-                cuts[number] = batch->cut[k] == WHOLE_WAY ? batch->leans[k] : batch->cut[k];
-                stage->shown = LANES == 1 ? number + 1 : 0;
-                each_tile(batch, k, view, bounds, window, LIST, cursors, entries, number++, stage);
+        uint numbers[LANES];
+        for (uint bits = found->those[m]; bits; bits &= bits - 1) {
+            const int k = first_of(bits);
+            const bool whole = LANE_I(batch->whole, k);
+            ends[number] = batch->ends[k];
+            ids[number] = (found->ids[m] + k) | (whole ? 0 : CLIPPED);
+            cuts[number] = whole ? LANE_U(batch->leans, k) : LANE_U(batch->cut, k);
+            numbers[k] = number++;
+        }
+#if LANES == 1
+        stage->shown = number;
+        each_tile(batch, 0, view, bounds, window, LIST, cursors, entries, numbers[0], stage);
+#else
+        const Boxes *boxes = found->boxes + m;
+        for (int pair = 0; pair < BOX_ROWS / 2; ++pair)
+            for (ulong bits = boxes->shows[pair]; bits; bits &= bits - 1) {
+                const int bit = __builtin_ctzl(bits), k = bit % LANES;
+                const uint place = atomic_inc(&cursors[tile_of(boxes, pair, bit)]);
+                entries[place] = (uint2)(LANE_U(batch->depth, k), numbers[k]);
+                PREFETCH_TO_WRITE(entries + place + 8);   // a line further: the tile's next ones, soon
             }
+        for (uint bits = boxes->large & found->those[m]; bits; bits &= bits - 1) {
+            const int k = first_of(bits);
+            each_tile(batch, k, view, bounds, window, LIST, cursors, entries, numbers[k], stage);
+        }
+#endif
     }
     found->n = found->segments = 0;
 }
@@ -269,16 +342,12 @@ IN_FEW BY_HAND __kernel void fill(
             const uint left = span.y - 1 - i;
             Batch *batch = found.batches + found.n;
             project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, batch);
-            lean(&view, points, span.x, span.x + i, span.x + span.y - 1, batch);
-            uint n = 0;
-            for (int k = 0; k < LANES; ++k) {
-                batch->on[k] = batch->on[k] && batch->depth[k] < slab.y && (!slab.x || furthest(batch, k) >= slab.x)
-                    && (stage.shown || each_tile(batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
-                n += batch->on[k];
-            }
+            const uint these = find_tiles(&found, &view, bounds, window, slab, &stage);
+            lean(&view, points, span.x, span.x + i, span.x + span.y - 1, batch, these);
             found.ids[found.n] = first + shifts[strand] + span.x + i;
-            found.n += n > 0;
-            found.segments += n;
+            found.those[found.n] = these;
+            found.n += these > 0;
+            found.segments += SEVERAL(these);
             if (found.n == BATCHES)
                 list(&found, &view, bounds, window, cursors, survivors, entries, ends, ids, cuts, &stage);
             if (stops(&stage, stages, n_open, strand, i))
@@ -312,8 +381,8 @@ BY_HAND __kernel void reach(
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage))
-                reaches[atomic_inc(survivors)] = (uint2)(batch.depth[k], furthest(&batch, k));
+            if (LANE_I(batch.on, k) && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage))
+                reaches[atomic_inc(survivors)] = (uint2)(LANE_U(batch.depth, k), furthest(&batch, k));
         if (stops(&stage, stages, n_open, strand, i))
             break;
     }

@@ -109,7 +109,7 @@ BY_HAND __kernel void count(
         Batch batch;
         project(&sight.view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k]) {
+            if (LANE_I(batch.on, k)) {
                 any |= each_tile(&sight, &batch, k, rows, counts + (uint)map.size.y, 0, 0);
                 ++n;
             }
@@ -153,12 +153,12 @@ BY_HAND __kernel void fill(
         project(&sight.view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         uint n = 0;
         for (int k = 0; k < LANES; ++k)
-            n += batch.on[k] != 0;
+            n += LANE_I(batch.on, k) != 0;
         if (!n)
             continue;
         uint number = atomic_add(taken, n);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k]) {
+            if (LANE_I(batch.on, k)) {
                 each_tile(&sight, &batch, k, rows, cursors + (uint)map.size.y, entries, number);
                 ends[number] = batch.ends[k];
                 marks[number++] = (uint2)(first_strand + numbers[strand] & DEEP_STRAND, as_uint(opaque));

@@ -10,51 +10,62 @@
 #define WIDE 0.5f                    // half a width [pixels] up to which nothing leans
 #define LEAN 21845.0f                // steps of a lean in half a width: one and a half of these fit 16 bits
 
+/* Ways on the screen. */
+typedef struct {
+    lanes x, y;
+} Ways;
+
 /* From a to b, of length 1; 0 where they are one. */
-INLINED float2 way_between(float2 a, float2 b)
+INLINED Ways ways_between(lanes ax, lanes ay, lanes bx, lanes by)
 {
-    const float2 way = b - a;
-    const float square = way.x * way.x + way.y * way.y;
-    return square > 1e-12f ? way / sqrt(square) : (float2)(0.0f);
+    const lanes x = bx - ax, y = by - ay, square = x * x + y * y;
+    const lanes length = exact_root(square);
+    const lanes_i apart = square > 1e-12f;
+    const Ways ways = {apart ? x / length : F(0.0f), apart ? y / length : F(0.0f)};
+    return ways;
 }
 
-/* How far the cut at an end of a segment is turned from square to it: a tangent, of 45 degrees at most.  way: the segment's;
-   beyond: that of the one which follows there; axis: along u; radius: half the width there. */
-INLINED float turned(float2 way, float2 beyond, float2 axis, float radius)
+/* How far the cuts at ends of segments are turned from square to them: tangents, of 45 degrees at most.  beyond: the ways of
+   those which follow there; axis: along u; radius: half the width there. */
+INLINED lanes turned(const Ways *way, const Ways *beyond, const Ways *axis, lanes radius)
 {
-    const float fade = radius < 2.0f * WIDE ? radius > WIDE ? radius / WIDE - 1.0f : 0.0f : 1.0f;
-    const float2 bend = way + beyond, middle = bend / sqrt(bend.x * bend.x + bend.y * bend.y + 1e-12f);
-    const float2 through = axis + fade * (middle - axis);       // the cut is square to this
-    const float over = way.x * through.y - way.y * through.x, under = way.x * through.x + way.y * through.y;
-    return under > over && under > -over ? over / under : over < 0.0f ? -1.0f : 1.0f;
+    const lanes fade = radius < 2.0f * WIDE ? radius > WIDE ? radius / WIDE - 1.0f : F(0.0f) : F(1.0f);
+    const lanes x = way->x + beyond->x, y = way->y + beyond->y, length = exact_root(x * x + y * y + 1e-12f);
+    /* The cut is square to this. */
+    const lanes tx = axis->x + fade * (x / length - axis->x), ty = axis->y + fade * (y / length - axis->y);
+    const lanes over = way->x * ty - way->y * tx, under = way->x * tx + way->y * ty;
+    return ((under > over) & (under > -over)) ? over / under : over < 0.0f ? F(-1.0f) : F(1.0f);
 }
 
-INLINED uint in_steps(float lean, float radius)
+INLINED lanes_u in_steps(lanes lean, lanes radius)
 {
-    const float x = lean / radius * LEAN, steps = x > -32767.0f ? x < 32767.0f ? x : 32767.0f : -32767.0f;
-    return (uint)(int)(steps < 0.0f ? steps - 0.5f : steps + 0.5f) & 0xFFFF;
+    const lanes steps = within(lean / radius * LEAN, -32767.0f, 32767.0f);
+    return AS_U(WHOLE(steps < 0.0f ? steps - 0.5f : steps + 0.5f)) & 0xFFFF;
 }
 
-/* How far both ends of a segment lean, in steps of the larger half width: the first in the lower half.  ends: on the screen;
-   beyond: the ways of those which follow there; whole: 1, 2 or both where these
-   are not clipped. */
-INLINED uint leans_of(float8 ends, const float2 *beyond, int whole)
+/* How far both ends of segments lean, in steps of the larger half width: the first in the lower half.  c: the ends on the
+   screen, as of a `Batch`; before, after: the ways of those which follow at each; whole_a, whole_b: where these are not
+   clipped. */
+INLINED lanes_u leans_of(const lanes *c, const Ways *before, lanes_i whole_a, const Ways *after, lanes_i whole_b)
 {
-    const float2 a = (float2)(ends.s0, ends.s1), b = (float2)(ends.s4, ends.s5), way = way_between(a, b);
-    const bool steep = fabs(b.x - a.x) < fabs(b.y - a.y);
-    const float along = steep ? way.y : way.x, forward = along < 0.0f ? -1.0f : 1.0f, upward = steep ? -forward : forward;
-    const float2 axis = steep ? (float2)(0.0f, forward) : (float2)(forward, 0.0f);
-    const float length = steep ? fabs(b.y - a.y) : fabs(b.x - a.x), radius = ends.s3 > ends.s7 ? ends.s3 : ends.s7;
-    float lean[2];
+    const Ways way = ways_between(c[0], c[1], c[4], c[5]);
+    const lanes across = positive(c[4] - c[0]), down = positive(c[5] - c[1]);
+    const lanes_i steep = across < down;
+    const lanes along = steep ? way.y : way.x, forward = along < 0.0f ? F(-1.0f) : F(1.0f);
+    const lanes upward = steep ? -forward : forward;
+    const Ways axis = {steep ? F(0.0f) : forward, steep ? forward : F(0.0f)};
+    const lanes most = 0.5f * (steep ? down : across), radius = greater(c[3], c[7]);
+    lanes lean[2];
     for (int k = 0; k < 2; ++k) {
-        const float its = k ? ends.s7 : ends.s3, straight = turned(way, way, axis, its);
-        const float bent = its * along * (turned(way, beyond[k], axis, its) - straight), most = 0.5f * length;
+        const lanes its = k ? c[7] : c[3], straight = turned(&way, &way, &axis, its);
+        const lanes bent = its * along * (turned(&way, k ? after : before, &axis, its) - straight);
         /* Bent within half its width it would lie on itself. */
-        const float fits = bent > -most ? bent < most ? bent : most : -most;
-        lean[k] = whole >> k & 1 ? upward * (its * ((steep ? way.x : -way.y) - along * straight) - fits) : 0.0f;
+        const lanes fits = bent > -most ? bent < most ? bent : most : -most;
+        const lanes upper = upward * (its * ((steep ? way.x : -way.y) - along * straight) - fits);
+        lean[k] = (k ? whole_b : whole_a) ? upper : F(0.0f);
     }
-    const float mean = 0.5f * (lean[0] + lean[1]), apart = 0.5f * (lean[0] - lean[1]), most = 0.5f * length;
-    const float kept = apart > -most ? apart < most ? apart : most : -most;     // nor do its two ends cross
+    const lanes mean = 0.5f * (lean[0] + lean[1]), apart = 0.5f * (lean[0] - lean[1]);
+    const lanes kept = apart > -most ? apart < most ? apart : most : -most;     // nor do its two ends cross
     return in_steps(mean + kept, radius) | in_steps(mean - kept, radius) << 16;
 }
 
@@ -64,23 +75,6 @@ INLINED bool seen_at(const View *view, float4 point, float2 *at)
     const float4 c = to_screen(view, (float4)(point.xyz, 1.0f));
     *at = (float2)(c.x, c.y) / c.w;
     return within_guard(c);
-}
-
-/* How far the segment from point i to i + 1 leans, of a strand of the points from `first` to `last`; at clipped ones not. */
-ONCE uint leans_at(const View *view, __global const float4 *points, uint first, uint last, uint i, float8 ends)
-{
-    const float2 a = (float2)(ends.s0, ends.s1), b = (float2)(ends.s4, ends.s5);
-    float2 beyond[2] = {(float2)(0.0f), (float2)(0.0f)}, at;
-    int whole = 3;
-    if (i > first) {
-        whole = seen_at(view, points[i - 1], &at) ? whole : whole & 2;
-        beyond[0] = way_between(at, a);
-    }
-    if (i + 1 < last) {
-        whole = seen_at(view, points[i + 2], &at) ? whole : whole & 1;
-        beyond[1] = way_between(b, at);
-    }
-    return leans_of(ends, beyond, whole);
 }
 
 /* Four corners in order around a ribbon's segment: along u, and how far above its middle. */

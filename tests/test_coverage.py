@@ -85,6 +85,20 @@ def test_pieces_are_the_twins(gpu, width, height, n, eye):
     assert compare_pieces(view, points, spans, pieces, 3e-5, 640) > n
 
 
+@pytest.mark.parametrize("seed", [9, 12, 13])
+def test_pieces_of_wide_strands_near_the_eye_are_the_twins(gpu, seed):
+    """Their segments lean towards those before and behind them, which may be clipped, or stand in other batches.  A
+    corner is known to half a step, 1 / 43690 of half its width: of the widest, 12 pixels, 2.7e-4."""
+    view, rng = perspective(61, 47, 1, eye=(.1, .1, .9)), np.random.default_rng(seed)
+    strands = []
+    for n in rng.integers(8, 20, 40):
+        steps = np.concatenate([rng.uniform(-1, 1, (1, 3)), rng.normal(size=(n - 1, 3)) * rng.choice([.1, .5])])
+        strands.append(np.column_stack([steps.cumsum(0), rng.uniform(.01, .06, n)]))
+    points, spans = pack(strands)
+    _, pieces = gathered(gpu, view, points, spans)
+    assert compare_pieces(view, points, spans, pieces, 3e-4, 640) > 1000
+
+
 @pytest.mark.parametrize("n", [pytest.param(20, marks=pytest.mark.small), 400])
 def test_slabs_of_depth_give_the_bits_of_all_at_once(gpu, n):
     """As many of a tile's segments at a time as a slab's count tells, each in every slab into which it reaches."""
@@ -312,6 +326,31 @@ def test_the_body_bounds_what_is_gathered(gpu):
     _, pieces = gathered(gpu, flat(20, 11, 4), points, spans, visible)
     found = {x: set(pieces["id"][pieces["pixel"] % 20 == x].tolist()) for x in range(20)}
     assert found[0] == found[12] == found[19] == {0, 2, 4} and found[7] == {4} and found[11] == {4}
+
+
+@pytest.mark.parametrize("width", [.002, .1])
+def test_boxes_of_all_sizes_are_looked_up_side_by_side(gpu, another, width):
+    """Segments that touch one tile or many, eight at a time, some of them clipped, wide ones leaning towards those of
+    the eight before: listed as where each is looked up by itself."""
+    rng = np.random.default_rng(3)
+    strands = []
+    for n in rng.integers(2, 20, 150):
+        steps = rng.normal(size=(n, 3)) * np.exp(rng.uniform(np.log(.005), np.log(.6), (n, 1)))
+        steps[0] = rng.normal(size=3)
+        strands.append(np.concatenate([np.cumsum(steps, 0), np.full((n, 1), width)], 1))
+    points, spans = pack(strands)
+    view, visible = perspective(300, 203, 1, eye=(0, .4, 2.1)), np.full((203, 300, 1), NONE)
+    lists, of_each = [], []
+    for one in gpu, another(lanes=1, hinted=1):
+        tiles, segments = counted(one, view, strands_on(one, points, spans), one.upload(visible))
+        lists.append((tiles.counts.get().tolist(), listed(segments)))
+        rows = zip(segments.ids.get().tolist(), segments.ends.get().tolist(), segments.cuts.get().tolist())
+        of_each.append({number: (end, cut) for number, end, cut in rows})
+    assert lists[0] == lists[1] and of_each[0] == of_each[1]
+    sizes = np.bincount([k for _, k in lists[0][1]])
+    assert ((sizes > 0) & (sizes <= 4)).sum() > 50 and (sizes > 16).sum() > 10
+    assert any(number >> 31 for number in of_each[0])
+    assert any(cut for number, (_, cut) in of_each[0].items() if not number >> 31) == (width > .01)
 
 
 @pytest.mark.parametrize("n", [pytest.param(12, marks=pytest.mark.small), 300])
