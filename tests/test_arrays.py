@@ -112,6 +112,12 @@ def mesh():
     return clfur.Mesh(positions, positions, np.abs(positions[faces][..., :2]), faces)
 
 
+@pytest.fixture(autouse=True)
+def copied(gpu, monkeypatch):
+    """A device that has memory of its own: what others read in the host's memory is copied, as the plan has it."""
+    monkeypatch.setattr(gpu, "lend", gpu.upload)
+
+
 def most(gpu, make):
     """Bytes that arrays took at once, at most, while something was made and after that."""
     gpu.forget()

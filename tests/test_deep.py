@@ -13,7 +13,7 @@ from clfur.pipeline.fit import Fit
 from clfur.pipeline.plan import Plan
 from clfur.pipeline.shadows import DeepPlan, deep_maps
 from clfur.pipeline.views import Rig, deep_of
-from clfur.stages import deep
+from clfur.stages import coverage, deep
 from clfur.stages.strands import upload_curves
 from clfur.twin import deep as twin
 
@@ -128,7 +128,8 @@ def test_parts_give_the_same_bits(gpu, another, kind, lights):
     whole = clfur.draw(scene, gpu, DEEP)
     plan = Plan(Rig.of(scene, DEEP), ["color"])
     small = another()
-    small.memory = plan._fixed * 16 // 15 + 700_000
+    small.memory = plan._fixed * 16 // 15 + 700_000 + bool(gpu.steps) * (
+        coverage.OF_WALKED * coverage.WALKED.bytes + 200_000)
     assert len(plan.parts(small)) > 1
     np.testing.assert_array_equal(whole.images["color"], clfur.draw(scene, small, DEEP).images["color"])
 

@@ -1,12 +1,15 @@
 """Memory that this process may take: what limits say, and scenes that are drawn in parts because of them."""
 
 import json
+import mmap
 import os
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
+import pyopencl as cl
 import pytest
 from support.plans import plan_of
 
@@ -18,6 +21,40 @@ from clfur.pipeline import sizes
 ROOT = Path(__file__).resolve().parents[1]
 FREE = "memory that is free"
 GIB = 1 << 30
+
+
+def flags_at(address):
+    """What Linux tells of the memory at an address, a word of two letters each."""
+    found = False
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        words = line.split()
+        if "-" in words[0]:
+            begin, end = (int(part, 16) for part in words[0].split("-"))
+            found = begin <= address < end
+        elif found and words[0] == "VmFlags:":
+            return words[1:]
+    raise AssertionError(f"no memory at {address:#x}")
+
+
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="a system without large pages")
+def test_whole_pages_of_an_array_are_advised():
+    there = np.frombuffer(mmap.mmap(-1, 9 << 20), np.uint8)
+    address = there.ctypes.data
+    memory.in_large_pages(address + 5, (8 << 20) - 5)
+    assert "hg" not in flags_at(address) and "hg" not in flags_at(address + (8 << 20))
+    assert "hg" in flags_at(address + mmap.PAGESIZE) and "hg" in flags_at(address + (8 << 20) - 1)
+    memory.in_large_pages(address + (8 << 20) + 5, 100)   # no whole page
+    assert "hg" not in flags_at(address + (8 << 20))
+
+
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="a system without large pages")
+def test_a_large_array_is_advised_where_it_lies():
+    gpu = scheduler.Scheduler("pocl")
+    large = gpu.empty(3 * scheduler.LARGE, np.uint8)
+    there, _ = cl.enqueue_map_buffer(gpu.queue, large.base_data, cl.map_flags.READ, 0, (large.nbytes,), np.uint8)
+    address = there.ctypes.data
+    there.base.release(gpu.queue)
+    assert "hg" in flags_at(address + large.nbytes // 2)
 
 
 def tree(root, **files):

@@ -150,8 +150,9 @@ def test_an_undercoat_is_kept(gpu):
 
 
 @pytest.mark.parametrize("fur", [SHELLS, (SHELLS, clfur.Strands(roots=200))], ids=["shells", "both"])
-def test_what_a_motion_holds_is_free_without_it(gpu, fur):
+def test_what_a_motion_holds_is_free_without_it(gpu, monkeypatch, fur):
     """At once, and not when Python happens to look for what holds itself: it is the memory of a device."""
+    monkeypatch.setattr(gpu, "on_host", False)   # so that all of it is the pool's
     motion = clfur.Motion(_scene(fur), HAIR, gpu, wind=clfur.Wind((1, 0, 0), 1, shelter=1), body=True, hair_on_hair=0.1)
     motion.step(1 / 24)
     gc.disable()

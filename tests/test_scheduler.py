@@ -1,5 +1,7 @@
 """The scheduler: launches, buffers, kept stages, and the struct contract with the device."""
 
+import functools
+import gc
 import weakref
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import clfur
 from clfur import layout
 from clfur.device import scheduler, signature
 from clfur.device.scheduler import Scheduler
+from clfur.device.signature import Lent
 
 
 @pytest.mark.parametrize("name", layout.STRUCTS)
@@ -186,6 +189,161 @@ def test_a_large_array_that_stays_is_not_waited_for_nor_kept(gpu):
     for there in *waited, pending:
         np.testing.assert_array_equal(gpu.download(there), np.arange(1 << 17))
     assert owner() is None and len(busy) == 8
+
+
+def frozen(n):
+    """[n] uint64 that stays as it is, at a multiple of 16 bytes."""
+    room = np.arange(n + 2, dtype=np.uint64)
+    array = room[room.ctypes.data // 8 % 2:][:n]
+    room.flags.writeable = array.flags.writeable = False
+    return array
+
+
+def test_what_stays_is_read_where_it_lies(gpu):
+    """On a processor; elsewhere it is copied.  Once anything has been read back it goes with its owner."""
+    array = frozen(5000)
+    there = gpu.lend(array)
+    np.testing.assert_array_equal(there.get(), array)
+    assert isinstance(there, Lent) == gpu.on_host
+    owner = weakref.ref(array.base)
+    del array
+    gpu.download(gpu.full(1, np.uint32, 0))
+    busy = [gpu.full(1 << 22, np.uint32, k) for k in range(8)]   # so that the device has something to do before
+    late = gpu.copied(there)
+    del there
+    assert owner() is not None or not gpu.on_host   # what was launched since may still read it
+    np.testing.assert_array_equal(gpu.download(late), np.arange(5000) + int(late[0].get()))
+    assert owner() is None and len(busy) == 8
+
+
+def test_what_may_change_or_lies_askew_is_copied(gpu):
+    """None of these is lent: what can be written into, a view of it, rows apart, at a wrong place, a few bytes."""
+    array, few = frozen(5000), frozen(8)
+    view = np.arange(5000, dtype=np.uint64)[:]
+    view.flags.writeable = False
+    for given in (array.copy(), view, array[::2], array[1:], few):
+        there = gpu.lend(given)
+        assert not isinstance(there, Lent)
+        np.testing.assert_array_equal(there.get(), given)
+
+
+def test_rows_of_a_host_array_are_lent(gpu):
+    array = frozen(10_000)
+    there = gpu.rows(array, 2, 5002)
+    assert isinstance(there, Lent) == gpu.on_host
+    np.testing.assert_array_equal(there.get(), array[2:5002])
+    assert gpu.rows(there, 0, 5000) is there
+    np.testing.assert_array_equal(gpu.rows(there, 1, 7).get(), array[3:9])
+
+
+def test_kernels_cannot_write_into_what_is_lent(gpu):
+    """Where it is copied they may: then it is theirs."""
+    array = frozen(5000)
+    sums, total = gpu.lend(array), gpu.empty(1, np.uint64)
+    try:
+        gpu.launch("strands.scan_sums", 1, n=10, sums=sums, total=total)
+        assert not gpu.on_host
+    except TypeError as error:
+        assert gpu.on_host and "sums is a device array of uint64 [5000] in the host's memory" in str(error)
+    np.testing.assert_array_equal(array, np.arange(5000) + int(array[0]))
+
+
+def test_what_is_lent_is_as_large_as_a_device_can_hold(gpu, monkeypatch):
+    array = frozen(5000)
+    monkeypatch.setattr(gpu, "largest", array.nbytes - 1)
+    with pytest.raises(clfur.Error, match="more than .* can hold in one piece"):
+        gpu.lend(array)
+
+
+def busy(gpu):
+    """Give a device something to do -> what it fills, and an event that ends with it."""
+    arrays = [gpu.full(1 << 24, np.uint32, k) for k in range(3)]
+    return arrays, cl.enqueue_marker(gpu.queue)
+
+
+def is_done(event):
+    return event.command_execution_status == cl.command_execution_status.COMPLETE
+
+
+def test_many_that_are_lent_are_not_all_kept():
+    """A host array is not kept for ever where nothing is read back; it is let go when what may read it has run."""
+    gpu = Scheduler()
+    arrays = [frozen(1000) for _ in range(100)]
+    owners = [weakref.ref(array.base) for array in arrays]
+    _, event = busy(gpu)
+    for array in arrays[:64]:
+        gpu.lend(array)
+    assert not is_done(event)
+    for array in arrays[64:]:
+        gpu.lend(array)
+    assert is_done(event)
+    del array, arrays
+    assert sum(owner() is not None for owner in owners) <= 64
+
+
+def test_views_keep_what_is_lent(gpu):
+    array = frozen(5000)
+    there = gpu.lend(array)
+    view = there.reshape(-1, 4)
+    owner = weakref.ref(array.base)
+    del there, array
+    gpu.download(gpu.full(1, np.uint32, 0))
+    filled, _ = busy(gpu)
+    late = gpu.copied(view)
+    del view
+    assert owner() is not None or not gpu.on_host
+    assert gpu.download(late).ravel()[1:].all() and len(filled) == 3
+
+
+def test_a_scheduler_that_goes_waits_for_those_who_read():
+    """One that is stopped in a thread goes with it."""
+    gpu = Scheduler()
+    filled, event = busy(gpu)
+    gpu.lend(frozen(5000))
+    del gpu
+    gc.collect()
+    assert is_done(event) and len(filled) == 3
+
+
+def test_a_frame_lets_go_what_was_lent_to_one_that_was_stopped(gpu):
+    array = frozen(5000)
+    owner = weakref.ref(array.base)
+    gpu.lend(array)
+    del array
+    with gpu.frame():
+        assert owner() is None
+
+
+def test_what_is_done_is_what_was_given_before(gpu):
+    """In seconds that launches are known to take: a download tells of those before it, not of those that came since."""
+    sums, total = gpu.upload(np.ones(10, np.uint64)), gpu.empty(1, np.uint64)
+    scan = functools.partial(gpu.launch, "strands.scan_sums", 1, n=10, sums=sums, total=total)
+    scan()
+    gpu.start()
+    gpu.download(total)
+    gpu._rates |= {("strands.scan_sums", turn): seconds for turn, seconds in enumerate((.01, .02, .04, .05))}
+    scan()
+    wait = gpu.downloading(sums)
+    scan()
+    assert gpu._given - gpu._done == pytest.approx(.03)
+    wait()
+    assert gpu._given - gpu._done == pytest.approx(.02)
+    scan()
+    assert gpu._given - gpu._done == pytest.approx(.06)
+    scan()   # more than PIECE may be before the device, so it is waited for
+    assert gpu._given == gpu._done
+
+
+def test_large_arrays_lie_in_large_pages(monkeypatch):
+    """PoCL's, of memory that is new: the pool's are where they were."""
+    gpu, asked = Scheduler("pocl"), []
+    monkeypatch.setattr(scheduler, "in_large_pages", lambda address, nbytes: asked.append(nbytes))
+    first = gpu.empty(scheduler.LARGE, np.uint8)
+    small = gpu.empty(scheduler.LARGE - 1, np.uint8)
+    assert len(asked) == 1 and asked[0] >= scheduler.LARGE and small.nbytes < scheduler.LARGE
+    del first
+    again = gpu.empty(scheduler.LARGE, np.uint8)
+    assert len(asked) == 1 and again.nbytes == scheduler.LARGE
 
 
 def test_what_is_launched_while_a_download_goes_on_is_not_in_it(gpu):

@@ -204,6 +204,22 @@ def test_arrays_of_another_context_are_refused(gpu, another):
         gpu.launch("strands.scan_sums", 1, n=10, sums=foreign, total=gpu.empty(1, np.uint64))
 
 
+@pytest.mark.parametrize("base, width, fits", [
+    ("float", 1, True), ("float", 4, True), ("uint", 2, True), ("ulong", 2, True), ("float", 8, False),
+    ("long", 4, False), ("HairType", 1, False)])
+def test_no_more_than_sixteen_bytes_are_read_at_a_time_from_what_is_lent(gpu, base, width, fits):
+    """A host array need not begin at a multiple of more."""
+    dtype = np.dtype(signature.NUMBERS.get(base) or layout.STRUCTS[base])
+    there = signature.Lent(gpu.queue, (8, width) if width > 1 else (8,), dtype)
+    for only_read in True, False:
+        argument = signature.Buffer("given", base, width, only_read)
+        if fits and only_read:
+            assert argument.take(there) is there.base_data
+        else:
+            with pytest.raises(TypeError, match="in the host's memory"):
+                argument.take(there)
+
+
 def test_nothing_runs_before_all_is_checked(gpu):
     sums, total = gpu.upload(np.arange(10, dtype=np.uint64)), gpu.full(1, np.uint64, 5)
     for wrong in ({"n": 10.5}, {"total": gpu.empty(1, np.float32)}, {"begin": 0}):

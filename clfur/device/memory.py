@@ -4,6 +4,8 @@ Devices whose memory is the machine's own (processors, their graphics) tell how 
 is to be had; in a container or a batch job a process that takes more is ended without a word.
 """
 
+import ctypes
+import mmap
 from pathlib import Path
 
 import psutil
@@ -48,6 +50,15 @@ def planned(device_bytes, allowance):
     """(bytes that arrays may take on a device, the limit that says so or ""): three quarters of what it has, and no
     more than what `allowed` gives."""
     return min((device_bytes * 3 // 4, ""), allowance)
+
+
+def in_large_pages(address, nbytes):
+    """Ask the system, where it can, to keep memory that nothing has been written into yet in large pages: who reads all
+    over it need not look up where each small one lies."""
+    advice = getattr(mmap, "MADV_HUGEPAGE", None)   # Linux has it
+    first, end = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE, (address + nbytes) // mmap.PAGESIZE * mmap.PAGESIZE
+    if advice is not None and end > first:
+        ctypes.CDLL(None).madvise(ctypes.c_void_p(first), ctypes.c_size_t(end - first), advice)   # it may say no
 
 
 def cgroups(root="/"):

@@ -7,10 +7,11 @@ import re
 import threading
 import time
 import warnings
+import weakref
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from pyopencl import tools
 from .. import cache, layout
 from ..errors import DeviceError, Error, Stopped, go_on, shown
 from . import caches, pocl, programs, signature
-from .memory import allowed, planned
+from .memory import allowed, in_large_pages, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
 
 GROUP = 64          # work-items in a work-group, where a kernel doesn't state how many it has
@@ -31,7 +32,9 @@ FIRST = 256         # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
 SMALL = 1 << 18     # bytes of an upload that is copied first, so as not to be waited for
+TINY = 1 << 12      # bytes of one that a processor's driver copies at once, without waking another thread for it
 ABREAST = 16        # work-items that share the steps of loops, at most
+LARGE = 1 << 22     # bytes of an array in which there is a large page, wherever it begins
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
@@ -96,12 +99,16 @@ class Scheduler:
             # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
             # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
             self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
-            if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
+            is_pocl = self.device.platform.name == "Portable Computing Language"
+            if self.lanes == 16 and is_pocl:
                 self.lanes = 32
             # Intel's fills them with work-items, unless a kernel tells it not to.
             by_itself = self.lanes == 1 and self.device.type & cl.device_type.CPU
             self.hinted = 8 if by_itself and self.device.native_vector_width_float >= 8 else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
+            # It works in the host's memory.  Oclgrind takes what it has not written there itself for garbage.
+            self.on_host = bool(self.device.type & cl.device_type.CPU) and self.device.platform.name != CHECKER
+            self.large_pages = self.on_host and is_pocl   # what others map need not be where an array lies
             # It ends loops after so many steps, silently: of all loops together, and of work-items side by side.
             self.steps = 65_535 if "llvmpipe" in self.device.name else None
         if memory is not None:
@@ -118,6 +125,9 @@ class Scheduler:
         self._kept: dict[str, tuple] = {}
         self._nothing: dict[tuple, cla.Array] = {}   # empty arrays that are handed out again and again
         self._uploads: deque = deque(maxlen=64)      # events: each holds what is copied, and waits when it goes
+        self._lent: list[tuple] = []                 # (host array that kernels may still read, weak one to its buffer)
+        self._lent_then = 0                          # how many there were when all had been done
+        weakref.finalize(self, _let_end, self.queue, self._lent)
         self._log: list[tuple] = []
         self._label: str | None = None
         self._busy = threading.Lock()
@@ -128,7 +138,7 @@ class Scheduler:
         self._rates: dict[tuple, float] = {}         # seconds a work-item takes
         self._wholes: dict[tuple, tuple] = {}        # (work-items, seconds) of it when it last took several pieces
         self._turns: Counter[str] = Counter()        # launches of each kernel in this frame
-        self._ahead = 0.0          # seconds of work that the device may have before it
+        self._given = self._done = 0.0               # seconds of work that the device has been given, and of that done
 
     @contextmanager
     def _watched(self, doing):
@@ -146,11 +156,10 @@ class Scheduler:
         if not shape[0] and (there := self._nothing.get((shape, dtype))) is not None:
             return there
         nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
-        if nbytes > self.largest:
-            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
-                        f"in one piece ({self.largest / 2**20:,.0f} MiB)")
+        self._check_size(shape, nbytes)
         if self._pool.managed_bytes + nbytes > self.memory:
             self._pool.free_held()
+        held = self._pool.managed_bytes
         try:
             # OpenCL has no empty buffers: an empty array is the empty start of a small one.
             whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
@@ -160,12 +169,29 @@ class Scheduler:
         except cl.Error as error:
             raise DeviceError(f"{self.name} gives no memory: {error}") from None
         self.peak = max(self.peak, self._pool.active_bytes)
+        if self.large_pages and whole.nbytes >= LARGE and self._pool.managed_bytes > held:
+            self._lay_in_large_pages(whole)
         if shape[0]:
             return whole
         return self._nothing.setdefault((shape, dtype), whole[:0]) if whole.nbytes <= 512 else whole[:0]
 
+    def _check_size(self, shape, nbytes):
+        if nbytes > self.largest:
+            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
+                        f"in one piece ({self.largest / 2**20:,.0f} MiB)")
+
+    def _lay_in_large_pages(self, array):
+        """See `in_large_pages`; for an array of memory that is new."""
+        with suppress(cl.Error):   # it is as right without
+            there, _ = cl.enqueue_map_buffer(self.queue, array.base_data, cl.map_flags.WRITE, 0,
+                                             (array.base_data.size,), np.uint8, is_blocking=False)
+            in_large_pages(there.__array_interface__["data"][0], there.nbytes)
+            there.base.release(self.queue)
+
     def full(self, shape: Any, dtype: Any, value: Any) -> cla.Array:
         """Device array filled with one value."""
+        if self.on_host and math.prod(np.atleast_1d(shape)) * np.dtype(dtype).itemsize <= TINY:
+            return self.upload(np.full(shape, value, dtype))
         there = self.empty(shape, dtype)
         if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
             pattern = np.dtype(dtype).type(value)
@@ -186,6 +212,8 @@ class Scheduler:
     def upload(self, array: np.ndarray) -> cla.Array:
         """Copy of a host array on the device; a read-only one must stay as it is till anything is read back."""
         given, array = array, np.ascontiguousarray(array)
+        if self.on_host and 0 < array.nbytes <= TINY:
+            return self._holding(array, cl.mem_flags.COPY_HOST_PTR)
         there = self.empty(array.shape, array.dtype)
         if not array.size:
             return there
@@ -201,10 +229,43 @@ class Scheduler:
                                                  is_blocking=False))
         return there
 
+    def lend(self, array: np.ndarray) -> cla.Array:
+        """A host array on the device, for kernels that only read it: where it lies, if it stays as it is and the device
+        works in the host's memory, else a copy.  It is kept alive till its buffer has gone and all that was launched by
+        then has run."""
+        # Kernels read 16 bytes at a time at most: see `signature.Lent`.
+        if not (self.on_host and array.nbytes > TINY and array.flags.c_contiguous and _is_frozen(array)
+                and array.__array_interface__["data"][0] % 16 == 0):
+            return self.upload(array)
+        if len(self._lent) >= self._lent_then + 64:
+            self._finish()
+        there = self._holding(array, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, signature.Lent)
+        self._lent.append((array, weakref.ref(there.base_data)))
+        return there
+
+    def _take_back(self):
+        """Let go what was lent to kernels, all of which have run, and which no other can be given."""
+        self._lent[:] = [(array, buffer) for array, buffer in self._lent if buffer() is not None]
+        self._lent_then = len(self._lent)
+
+    def _finish(self):
+        """Wait for all that was launched."""
+        with self._watched("does not finish"):
+            self.queue.finish()
+        self._done = self._given
+        self._take_back()
+
+    def _holding(self, array, flags, kind=cla.Array):
+        """Device array of a buffer that is made of a host array, beside the pool."""
+        check_process()
+        self._check_size(array.shape, array.nbytes)
+        with self._watched("takes no data"):
+            return kind(self.queue, array.shape, array.dtype, data=_Buffer(self.context, flags, hostbuf=array))
+
     def rows(self, array: Any, first: int, end: int) -> cla.Array:
-        """Rows of an array, on this device: of a host array or another context's copied here, else as they are."""
+        """Rows of an array, to be read on this device: lent if on the host, copied from another context, else as is."""
         if isinstance(array, np.ndarray):
-            return self.upload(array[first:end])
+            return self.lend(array[first:end])
         if not array.size:
             return self.empty((0, *array.shape[1:]), array.dtype)
         with self._watched("takes no data"):
@@ -244,8 +305,8 @@ class Scheduler:
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
         there = self.downloading(array)()
-        self._ahead = 0.0   # nothing has been launched since
-        self._uploads.clear()
+        self._uploads.clear()   # nothing has been launched since
+        self._take_back()
         return there
 
     def downloading(self, array: cla.Array) -> Callable[[], np.ndarray]:
@@ -253,13 +314,15 @@ class Scheduler:
         in between is done meanwhile."""
         self.ask()
         with self._watched("gives no data"):
-            there, event = array.get_async()
+            there, event = array.get_async(queue=self.queue)
         array.events.clear()   # each would keep alive what was read, twelve times over
+        before = self._given
 
         def wait():
             self.ask()
             with self._watched("gives no data"):
                 event.wait()
+            self._done = max(self._done, before)
             return there
         return wait
 
@@ -285,7 +348,7 @@ class Scheduler:
         began = time.perf_counter()
         with caches.taking_kernels(self.device.platform.name):
             kernel.run(self.queue, (kernel.group,), (kernel.group,), 0, 0, *values).wait()
-        self._ahead, kernel.ran = 0.0, True
+        self._done, kernel.ran = self._given, True
         self.held_up += time.perf_counter() - began
 
     def _run(self, kernel, size, values):
@@ -295,26 +358,26 @@ class Scheduler:
         turn = name, self._turns[name]
         self._turns[name] += 1
         most, whole = self._wholes.get(turn, (0, 0.0))
-        short = size <= most and self._ahead + whole < PIECE
+        short = size <= most and self._given - self._done + whole < PIECE
         while begin < size:
             self.ask()
-            rate, alone = whole / most if short else self._rates.get(turn), not self._ahead
+            rate, alone = whole / most if short else self._rates.get(turn), self._done == self._given
             piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
             end = min(begin + max(piece // group, 1) * group, size)
             began = time.perf_counter()
             # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
             event = kernel.run(self.queue, (-(-(end - begin) // group) * group,), (group,), begin, end, *values)
             self._log.append((self._label or name.split(".")[0], event))
-            self._ahead += PIECE if rate is None else rate * (end - begin)
-            if self._ahead >= PIECE or (end < size and not short):
+            self._given += PIECE if rate is None else rate * (end - begin)
+            if self._given - self._done >= PIECE or (end < size and not short):
                 event.wait()
                 if not short and (alone or rate is None):
                     # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
                     self._rates[turn] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
-                self._ahead = 0.0
+                self._done = self._given
             if begin and end == size and not short:
                 event.wait()
-                self._wholes[turn], self._ahead = (size, time.perf_counter() - started), 0.0
+                self._wholes[turn], self._done = (size, time.perf_counter() - started), self._given
             begin = end
 
     def load(self, key: Any) -> None:
@@ -375,6 +438,8 @@ class Scheduler:
 
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
+        if self._lent:   # to a frame that was stopped
+            self._finish()
         self._log.clear()
         self._turns.clear()
         self.held_up = 0.0
@@ -396,8 +461,8 @@ class Scheduler:
     def seconds(self) -> dict[str, float]:
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
         total: dict[str, float] = {}
+        self._finish()
         with self._watched("does not finish"):
-            self.queue.finish()
             for name, event in self._log:
                 total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
         return total
@@ -454,6 +519,17 @@ class Scheduler:
             self._kernels[name] = signature.Kernel(name, arguments, kernel, stated or GROUP)
         self._stems.add(stem)
         return self._kernels
+
+
+class _Buffer(cl.Buffer):
+    """One to which there can be weak references; arrays that are views of others have it in common."""
+
+
+def _let_end(queue, lent):
+    """Wait for kernels that may still read what was lent to them, when their scheduler goes."""
+    if lent:
+        with suppress(cl.Error):
+            queue.finish()
 
 
 def _is_frozen(array) -> bool:

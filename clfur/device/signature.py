@@ -13,7 +13,12 @@ RANGE = [("ulong", "begin"), ("ulong", "end")]   # the first arguments of every 
 
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _KERNEL = re.compile(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)")
-_ARGUMENT = re.compile(r"(?:volatile )?(__global )?(?:const )?([A-Za-z]+)(2|4|8|16)? (\*)?(\w+)")
+_ARGUMENT = re.compile(r"(?:volatile )?(__global )?(const )?([A-Za-z]+)(2|4|8|16)? (\*)?(\w+)")
+
+
+class Lent(Array):
+    """A device array that lies in a host array's memory, at a multiple of 16 bytes: kernels may only read it, no more
+    than these at a time."""
 
 
 class Kernel:
@@ -50,21 +55,21 @@ def read(text):
     kernels = {}
     for name, inside in _KERNEL.findall(_COMMENT.sub("", text)):
         found = [_ARGUMENT.fullmatch(" ".join(each.split())) for each in inside.split(",")]
-        if not all(found) or [(f[2], f[5]) for f in found[:2]] != RANGE:
+        if not all(found) or [(f[3], f[6]) for f in found[:2]] != RANGE:
             raise TypeError(f"{name}({' '.join(inside.split())}) cannot be read; allowed: 'const ulong begin, const "
                             f"ulong end', then arguments of {', '.join([*NUMBERS, *layout.STRUCTS])}, or vectors")
         kernels[name] = [_argument(*each.groups()) for each in found[2:]]
     return kernels
 
 
-def _argument(in_memory, base, width, pointer, name):
+def _argument(in_memory, const, base, width, pointer, name):
     """An argument of the kind that its declaration states."""
     known = base in NUMBERS or (base in layout.STRUCTS and width is None)
     if not known or bool(in_memory) != bool(pointer):
         raise TypeError(f"argument {name} is of {base}{width or ''}{pointer or ''}; allowed: "
                         f"{', '.join([*NUMBERS, *layout.STRUCTS])}, vectors, or __global pointers to these")
     if pointer:
-        return Buffer(name, base, int(width or 1))
+        return Buffer(name, base, int(width or 1), const is not None)
     if base in layout.STRUCTS:
         return Struct(name, base)
     return Vector(name, base, int(width)) if width else Number(name, base)
@@ -89,14 +94,16 @@ class Buffer(Argument):
 
     packed = None
 
-    def __init__(self, name, base, width):
+    def __init__(self, name, base, width, only_read=False):
         self.name, self.base, self.width = name, base, width
         self.dtype = np.dtype(NUMBERS.get(base) or layout.STRUCTS[base])
+        self.takes_lent = only_read and base in NUMBERS and width * self.dtype.itemsize <= 16
         self.allowed = f"a device array of {_dtype(self.dtype)}" + f" [..., {width}]" * (width > 1)
 
     def take(self, value):
         if (isinstance(value, Array) and (value.dtype is self.dtype or value.dtype == self.dtype) and not value.offset
-                and (self.width == 1 or value.shape[-1:] == (self.width,))):
+                and (self.width == 1 or value.shape[-1:] == (self.width,))
+                and (self.takes_lent or not isinstance(value, Lent))):
             return value.base_data
         raise self.refused(value)
 
@@ -158,6 +165,7 @@ def _shown(value):
     """What an error says of a value."""
     if isinstance(value, Array):
         return (f"a device array of {_dtype(value.dtype)} {list(value.shape)}"
+                + " in the host's memory" * isinstance(value, Lent)
                 + " that begins within a larger one" * bool(value.offset))
     if isinstance(value, (np.ndarray, np.void)):
         return f"{_dtype(value.dtype)} {list(value.shape)} on the host"

@@ -160,7 +160,8 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
     brought = np.stack([first, counts], 1).astype(np.uint32)
-    spans = gpu.upload(brought)
+    brought.flags.writeable = False   # so that it can be lent
+    spans = gpu.lend(brought)
     placed = order(gpu, packed.packed, spans).placed if n >= SORTED_FROM else gpu.upload(
         np.stack([np.arange(n), first], 1).astype(np.uint32))
     run = curves.uniform or 1

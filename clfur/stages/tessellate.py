@@ -75,10 +75,10 @@ def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
     source = Source(
-        positions=gpu.upload(mesh.positions),
-        normals=gpu.upload(mesh.normals),
-        corner_uv=gpu.upload(mesh.uv[begin:end].reshape(-1, 2)),
-        faces=gpu.upload(mesh.faces[begin:end]),
+        positions=gpu.lend(mesh.positions),
+        normals=gpu.lend(mesh.normals),
+        corner_uv=gpu.lend(mesh.uv[begin:end].reshape(-1, 2)),
+        faces=gpu.lend(mesh.faces[begin:end]),
         levels=gpu.upload(levels),
         first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
         first_triangle=gpu.upload(first_triangle.astype(np.uint32)),
