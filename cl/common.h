@@ -5,9 +5,14 @@
    for another size of work-group, and PoCL also for a start elsewhere than at 0. */
 #define WORK_ITEM(i) const size_t i = begin + get_global_id(0); if (i >= end) return
 
+/* A kernel that would take PoCL long to compile, as it makes three functions of each: see clfur/device/source.py. */
+#define LARGE
+
 /* A kernel whose work-items are groups of their own: some have much more to do than others, and Intel's compiler would lay
    several of a group side by side. */
 #define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
+
+#define RARE   // a kernel that most pictures do without: it is not made ready ahead of its first launch
 
 #define UNSEEN (1.0f / 256)   // share of light that would not be seen: what is behind so little is left out
 

@@ -37,7 +37,7 @@
 #include "hiding.h"
 
 /* One work-item tells how far one tile can be seen into. */
-__kernel void bound(
+LARGE __kernel void bound(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
@@ -184,7 +184,7 @@ INLINED bool stops(Stage *stage, __global uint4 *stages, volatile __global uint 
 }
 
 /* One work-item counts the tiles in which segments of STRANDS strands may show. */
-IN_FEW BY_HAND __kernel void count(
+LARGE IN_FEW BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint n_strands,
@@ -266,7 +266,7 @@ INLINED uint find_tiles(Found *found, const View *view, __global const uint *bou
 }
 
 /* Number and list segments that were found.  All that get numbers take them from one counter: seldom, and many at a time. */
-INLINED void list(Found *found, const View *view, __global const uint *bounds, uint2 window, volatile __global uint *cursors,
+ONCE void list(Found *found, const View *view, __global const uint *bounds, uint2 window, volatile __global uint *cursors,
                   volatile __global uint *survivors, __global uint2 *entries, __global float8 *ends, __global uint *ids,
                   __global uint *cuts, Stage *stage)
 {
@@ -304,7 +304,7 @@ INLINED void list(Found *found, const View *view, __global const uint *bounds, u
 }
 
 /* As `count`, and lists them, STRANDS strands a work-item; in any order, since nobody knows who comes first. */
-IN_FEW BY_HAND __kernel void fill(
+LARGE IN_FEW BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles: the first, one past the last
@@ -359,7 +359,7 @@ IN_FEW BY_HAND __kernel void fill(
 }
 
 /* As `fill`, and tells how far in depth those that may show in a window reach, in any order. */
-BY_HAND __kernel void reach(
+RARE BY_HAND __kernel void reach(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles: the first, one past the last
@@ -389,7 +389,7 @@ BY_HAND __kernel void reach(
 }
 
 /* One work-item gives slots to those of MARKED segments that are marked, and takes their marks away. */
-__kernel void choose(
+RARE __kernel void choose(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global ulong *marks,                 // [segments / 8, rounded up] a byte each: 1 or 0
     __global const uint *ids,              // [segments] see `fill`

@@ -77,7 +77,7 @@ INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lan
 
 /* Share of light i that hair lets through to places `at` of segments: single hairs, see deep.h, or all of them as if at random
    where pieces have little weight; x, y: the middles of their pixels. */
-INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes x, lanes y, lanes_i on)
+ONCE lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes x, lanes y, lanes_i on)
 {
     if (!sent->deep.maps[i].size.x || !any_lane(on))
         return F(1.0f);

@@ -74,11 +74,11 @@ typedef long16 lanes_l;
 #define LANE_L(v, i) (((long *)&(v))[i])
 #endif
 #if CHECKED
-#define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
+#define INLINED static inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
 #else
-#define INLINED inline __attribute__((always_inline))
+#define INLINED static inline __attribute__((always_inline))
 #endif
-/* The large part of a kernel: PoCL makes two functions of each kernel, and would compile what is inlined there twice. */
+/* Compiled once: what is large in a kernel, of which PoCL makes three functions (see LARGE too), or is used several times. */
 #if LANES > 1
 #define ONCE static __attribute__((noinline))
 #else

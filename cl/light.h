@@ -81,7 +81,8 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
-#define STRIDE (LANES == 1 ? LOOK_AT_ONCE : 1)               // texels without a loop: llvmpipe ends long ones
+#define STRIDE (LANES == 1 ? LOOK_AT_ONCE : 1)               // texels without a loop: llvmpipe ends long ones;
+#define TOGETHER (LANES == 1 ? LOOK_AT_ONCE : 2)             // and places on discs, of which more are slower on PoCL
 
 /* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
    dx and dy deeper a texel. */
@@ -142,9 +143,9 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
     const float reach = disc * (1.0f - e) < half_map ? disc * (1.0f - e) : half_map;
     float area = 0.0f, sum = 0.0f;
     int dark = 0;
-    for (int i = 0; i < SEARCH_POINTS; i += 8)
+    for (int i = 0; i < SEARCH_POINTS; i += TOGETHER)
         #pragma unroll
-        for (int k = 0; k < 8; ++k) {
+        for (int k = 0; k < TOGETHER; ++k) {
             const float2 point = SEARCH[i + k];
             const float square = point.x * point.x + point.y * point.y, far = reach * square;
             const float by = nearer_by(obstacles, x + far * point.x, y + far * point.y, e, plane, dx, dy, side);
@@ -160,9 +161,9 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
     if (dark == SEARCH_POINTS)             // all around, and further than the circle reaches
         return 1.0f;
     dark = 0;
-    for (int i = 0; i < DISC_POINTS; i += 8)
+    for (int i = 0; i < DISC_POINTS; i += TOGETHER)
         #pragma unroll
-        for (int k = 0; k < 8; ++k) {
+        for (int k = 0; k < TOGETHER; ++k) {
             const float2 point = DISC[i + k];
             const float by = nearer_by(obstacles, x + radius * point.x, y + radius * point.y, e, plane, dx, dy, side);
             dark += by > 0.0f && 4.0f * disc * disc * by * by >= radius * radius * (point.x * point.x + point.y * point.y);

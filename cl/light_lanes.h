@@ -136,7 +136,7 @@ INLINED float4 pairs(__global const float *a, __global const float *b)
 }
 
 /* See `through_hair`; own_x and own_y are its self_shadow. */
-INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
+ONCE lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
 {
     const Grid *grid = &obstacles->grid;
     const int nx = grid->size.x, ny = grid->size.y, nz = grid->size.z;
@@ -222,7 +222,7 @@ INLINED lanes_i dark_of_nine(__global const ulong *map, lanes_i on, lanes_i midd
 #endif
 
 /* See `past_body`; n: the normals, of any length; away: whether the surface that is lit looks away from the middle of a disc. */
-INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes_i away, float steepest, float bias)
+ONCE lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes_i away, float steepest, float bias)
 {
     const View *view = &obstacles->view;
     const int radius = obstacles->shadow.body.y;

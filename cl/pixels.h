@@ -8,7 +8,7 @@
 #define PLACE 3      // and where they go
 
 /* One work-group sorts the list of one tile into BUCKETS by depth. Not where `tiles` does so. */
-__kernel void sort(
+RARE __kernel void sort(
     const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
     const uint first_tile,                 // tile of the first group
     const uint longest,                    // a list of more is left as it is AT_ONCE
@@ -246,7 +246,7 @@ INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Pic
 #endif
 
 /* One work-item draws one pixel; a work-group is a tile.  Not where LANES go side by side, but for `tiles`. */
-__kernel void pixels(
+RARE __kernel void pixels(
     const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last

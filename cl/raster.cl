@@ -12,7 +12,7 @@
 #include "triangles.h"
 
 /* One work-item draws DRAWN strands, LANES segments at once.  Where LANES is 1 it may leave some. */
-__kernel void lines(
+RARE __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
@@ -58,7 +58,7 @@ __kernel void lines(
 }
 
 /* One work-item draws what one window of the picture shows of one segment that `lines` has left. */
-__kernel void line_pieces(
+RARE __kernel void line_pieces(
     const ulong begin, const ulong end,    // work-items, see common.h: all segments for each window
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -76,7 +76,7 @@ __kernel void line_pieces(
 
 /* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job.  It may leave
    it.  Where LANES is 1. */
-__kernel void body(
+RARE __kernel void body(
     const ulong begin, const ulong end,    // work-items, see common.h: all triangles for each band
     const View view,
     __global const float4 *positions,      // [V]
@@ -177,7 +177,7 @@ typedef lanes_u Reaches __attribute__((aligned(4)));
 #define FAR 1e5f                           // pixels beyond which a corner's row is not known well
 
 /* One work-item tells which rows each of LANES triangles may touch; where LANES is more than 1. */
-__kernel void reach(
+RARE __kernel void reach(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // as of `body`
@@ -213,7 +213,7 @@ __kernel void reach(
 
 /* One work-item draws what one band of the picture shows of the body, so that nothing else writes there, or all that is shown
    of some triangles; where LANES is more than 1. */
-APART __kernel void bands(
+LARGE APART __kernel void bands(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // as of `body`
@@ -261,7 +261,7 @@ APART __kernel void bands(
 }
 
 /* One work-item draws what one window of the picture shows of one triangle that `body` has left. */
-__kernel void body_pieces(
+RARE __kernel void body_pieces(
     const ulong begin, const ulong end,    // work-items, see common.h: all triangles for each window
     const View view,
     __global const float4 *positions,      // as of `body`

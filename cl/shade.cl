@@ -80,7 +80,7 @@ INLINED lanes3 times(lanes3 a, lanes3 b)
 }
 
 /* Light of a sky at LANES places around directions, see sky.h. */
-INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
+ONCE lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
 {
     lanes3 light;
     for (int k = 0; k < LANES; ++k) {
@@ -176,7 +176,7 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
 /* One work-item lights the samples of SHADED pixels, those of one part of the scene, and adds their average, premultiplied linear
    r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. LANES samples
    of strands, or of the body, are lit side by side. */
-APART __kernel void color(
+LARGE APART __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
@@ -272,7 +272,7 @@ APART __kernel void color(
 
 /* One work-item puts the sums of one pixel over what is in the picture; its alpha, where that is known, is no sum of shares
    that have been rounded. */
-__kernel void blend(
+RARE __kernel void blend(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
     const int covered,                     // 1: it is known how much of the pixels is covered
@@ -286,7 +286,7 @@ __kernel void blend(
 
 /* One work-item puts into the picture what share of one pixel is covered: light of fur is added up by itself, and that of
    what hides next to nothing is left out. */
-__kernel void cover(
+RARE __kernel void cover(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int samples,
     __global const ulong *visible,         // [rows, width, samples] what else is drawn
@@ -299,7 +299,7 @@ __kernel void cover(
 
 /* One work-item takes out of the alpha of one pixel what the samples add to it that see anything: a holdout adds nothing, and
    a ground only its shadow. */
-__kernel void uncover(
+RARE __kernel void uncover(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int samples,
     __global const ulong *visible,         // [rows, width, samples]
@@ -316,7 +316,7 @@ __kernel void uncover(
 
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs
    but color (AOVs). */
-__kernel void outputs(
+RARE __kernel void outputs(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles

@@ -48,7 +48,7 @@ INLINED uint begin_of(uint number, int listed, __global const uint *segments, ui
 
 /* One work-item tells in which range a row of blocks of a light's shadow map has its depths, each with the texels around it:
    nine texels around any of its own need not be looked at where all of these lie before a strand, or none. */
-__kernel void depth_ranges(
+LARGE __kernel void depth_ranges(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const Shadow *shadows,
     __global const View *light_views,
@@ -83,7 +83,7 @@ __kernel void depth_ranges(
 
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,
    or the start and the end of each of some segments. */
-__kernel void transmittance(
+LARGE __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int listed,                      // 1: of `segments`
     __global const uint *segments,         // ids, if so, their highest bits aside
@@ -308,7 +308,7 @@ INLINED void put_places(__global ulong *places, int sources, int i, uint count, 
 
 /* One work-item tells what LANES segments send to the eye at FEW_PLACES each, and keeps rows of `more` for those that need
    them. */
-APART __kernel void radiance(
+LARGE APART __kernel void radiance(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 range,                     // of segments: the first, one past the last
@@ -458,7 +458,7 @@ INLINED void put_row(__global float *more, ulong row, const Hair *hair, uint id,
 }
 
 /* One work-item tells what those of LANES segments are like whose light changes too much between few places. */
-__kernel void further(
+LARGE __kernel void further(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
@@ -508,7 +508,7 @@ __kernel void further(
 }
 
 /* One work-item tells where in the world a segment lies, so that its pieces can look at the hair before lights: see deep.h. */
-__kernel void axes(
+RARE __kernel void axes(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint first,                      // of segments
     __global const uint *segments,         // their ids, their highest bits aside

@@ -38,7 +38,7 @@ __kernel void sum_areas(
     sums[block] = sum;
 }
 
-__kernel void scan_sums(
+LARGE __kernel void scan_sums(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint n,
     __global ulong *sums,                  // [n] in: sums; out: sum of all before
@@ -86,7 +86,7 @@ __kernel void roots_on_faces(
 /* Strand i of n stands at a random place of the i-th n-th of the surface's area, or of that of the same triangles at
    rest. The triangles here may be a run of all, and the strands those that stand there.  One work-item does LANES strands:
    the next is not far. */
-__kernel void roots_by_area(
+LARGE __kernel void roots_by_area(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const ulong *areas,           // [T] running sums
     const uint n_triangles,                // T
@@ -403,7 +403,7 @@ ONCE void lengthen(const Growing *strands, int has_traits, uint seed, float4 for
 /* One work-item grows LANES strands, by the law (`onward`) or by the report's rule (`step_ahead`).  Curl and wave shift the
    points off that axis, in a frame carried along it with little twist.  What is random has directions in the frame of the
    skin at the root, so that it turns with it. */
-__kernel void grow(
+LARGE __kernel void grow(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V]
     __global const float4 *normals,        // [V]
@@ -483,7 +483,7 @@ __kernel void grow(
 }
 
 /* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */
-__kernel void unpack_curves(
+RARE __kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
     __global const uint2 *brought,         // [strands] first point, points

@@ -31,7 +31,7 @@ inline int side_level(int4 levels, int k, int i)
     return k ? levels.w - 2 * k : i == 0 ? levels.z : i == 1 ? levels.x : levels.y;
 }
 
-__kernel void vertices(
+LARGE __kernel void vertices(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *positions,       // [V, 3]
     __global const float *normals,         // [V, 3] unit
@@ -98,7 +98,7 @@ inline uint ring_vertex(int4 levels, uint base, int k, int i, int j)
 }
 
 /* Joins every ring to the next with a strip of triangles, always by the shorter diagonal in the domain. */
-__kernel void triangles(
+LARGE __kernel void triangles(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const int4 *levels,           // [F] as in vertices
     __global const uint *first_vertex,     // [F + 1]

@@ -56,7 +56,7 @@ INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 }
 
 /* All pieces of pixel p are hidden that are in its slots. */
-INLINED void settle_slots(Tile *t, const Picture *picture, int p)
+ONCE void settle_slots(Tile *t, const Picture *picture, int p)
 {
     if (!t->counts[p])
         return;
@@ -247,7 +247,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
 #endif
 
 /* One work-item draws one tile.  They go block by block of TILE² tiles, so that what is looked up lies near. */
-ALONE BY_HAND __kernel void tiles(
+LARGE ALONE BY_HAND __kernel void tiles(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last

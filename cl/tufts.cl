@@ -8,7 +8,7 @@
 #define NO_TUFT 0xFFFFFFFFu
 
 /* A small triangle around each middle, like its face but for one normal, on which a hair can grow. */
-__kernel void stand(
+LARGE __kernel void stand(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *corners,        // [middles, 3] of its face [world]
     __global const float4 *corner_normals, // [middles, 3] unit
@@ -40,7 +40,7 @@ __kernel void stand(
 }
 
 /* Where strands stand on a mesh in rest. */
-__kernel void at_rest(
+RARE __kernel void at_rest(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V] of the tessellated mesh in rest
     __global const float4 *normals,        // [V]
@@ -89,7 +89,7 @@ inline int cell_of(float x, float low, float cells, int size)
 }
 
 /* The tuft of each strand of a type, by cells around its root: 27 of them, then rings of more until none can be nearer. */
-__kernel void assign(
+LARGE __kernel void assign(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *places,         // where strands have their roots [world]
     const int by_strand,                   // 1: a place for each strand, 0: the first point of each
@@ -146,7 +146,7 @@ inline uint of_strand(__global const uint *tuft_of, uint i, int has_parents, __g
 /* Draw each strand of a type towards the hair in the middle of its tuft, at the same length from the root.  No segment gets
    longer: each goes from where the one before has ended towards where its own end is drawn, as far as it reaches, as a chain
    does that is pulled. */
-__kernel void gather(
+LARGE __kernel void gather(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global float4 *points,               // x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
@@ -210,7 +210,7 @@ inline float2 frizz_at(uint number, uint seed, float t)
 }
 
 /* Curl and wave strands of a type together with their tuft, and make each frizzy by itself, in a frame carried along. */
-__kernel void curl(
+RARE __kernel void curl(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global float4 *points,               // x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points

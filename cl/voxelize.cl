@@ -38,7 +38,7 @@ bool ends_in_reach(const Grid *grid, float4 *from, float4 *to, int4 *a, int4 *b,
 }
 
 /* The report's voxels. A segment's fragments are those of a line drawn into x and y, as in raster.cl. */
-__kernel void fragments(
+RARE __kernel void fragments(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     const uint2 stretch,                   // segments of each strand: the first, one past the last

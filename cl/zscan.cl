@@ -3,7 +3,7 @@
  *
  * One work-item sums 16 neighbouring columns as one vector, first as integers; only the sums become floats.
  */
-__kernel void columns(
+LARGE __kernel void columns(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const uint *cells,            // [nz, ny, nx], nx a multiple of 16
     const uint layers,                     // nz

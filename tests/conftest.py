@@ -9,8 +9,8 @@ from support.scenes import icosphere
 
 import clfur
 from clfur.command.main import main
-from clfur.device import scheduler
 from clfur.device import selection as device
+from clfur.device import source
 
 # The same examples in every run, on however slow a machine.
 hypothesis.settings.register_profile("clfur", derandomize=True, deadline=None, max_examples=50)
@@ -81,8 +81,8 @@ def fresh(request):
 @pytest.fixture
 def plain(monkeypatch):
     """Kernels of the tests are found among the others."""
-    folder = Kernels(scheduler.kernel_dir())
-    monkeypatch.setattr(scheduler, "kernel_dir", lambda: folder)
+    folder = Kernels(source.kernel_dir())
+    monkeypatch.setattr(source, "kernel_dir", lambda: folder)
 
 
 @pytest.fixture(scope="session")

@@ -58,7 +58,7 @@ def test_kernels_are_built_in_another_thread(gpu, monkeypatch):
     here = [stem for stem, thread in threads if thread is threading.current_thread()]
     beside = [stem for stem, thread in threads if thread is not threading.current_thread()]
     assert here == ["strands"] and beside == ["zscan", "blur"][:len(beside)]   # what nobody needs may be left out
-    assert fresh.download(total)[0] == 45 and not fresh._builds
+    assert fresh.download(total)[0] == 45 and not fresh._aheads
 
 
 def test_what_does_not_build_beside_is_told_where_it_is_run(gpu, monkeypatch):

@@ -11,7 +11,7 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.device import scheduler, signature
+from clfur.device import scheduler, signature, source
 from clfur.device.scheduler import Scheduler
 from clfur.device.signature import Lent
 
@@ -57,7 +57,7 @@ def test_the_patterns_follow_each_other():
 def test_a_build_error_names_file_and_line(gpu, tmp_path, monkeypatch):
     (tmp_path / "common.h").write_text("")
     (tmp_path / "oops.cl").write_text("__kernel void a(__global int *o)\n{\n    o[0] = NOPE;\n}\n")
-    monkeypatch.setattr(scheduler, "kernel_dir", lambda: tmp_path)
+    monkeypatch.setattr(source, "kernel_dir", lambda: tmp_path)
     with pytest.raises(clfur.DeviceError, match=r"does not build oops\.cl: oops\.cl:3: .*NOPE"):
         gpu.launch("oops.a", 1)
 
@@ -65,10 +65,10 @@ def test_a_build_error_names_file_and_line(gpu, tmp_path, monkeypatch):
 def test_kernels_are_found_from_a_checkout_without_an_install(monkeypatch):
     def nowhere(name):
         raise ModuleNotFoundError(name)
-    monkeypatch.setattr(scheduler, "files", nowhere)
+    monkeypatch.setattr(source, "files", nowhere)
     checkout = Path(__file__).resolve().parents[1]   # these tests may run against another, installed clfur
-    monkeypatch.setattr(scheduler, "__file__", str(checkout / "clfur" / "device" / "scheduler.py"))
-    assert scheduler.kernel_dir() == checkout / "cl" and (checkout / "cl" / "raster.cl").is_file()
+    monkeypatch.setattr(source, "__file__", str(checkout / "clfur" / "device" / "source.py"))
+    assert source.kernel_dir() == checkout / "cl" and (checkout / "cl" / "raster.cl").is_file()
 
 
 def test_an_array_too_large_for_the_device_is_refused(gpu):

@@ -7,7 +7,7 @@ import pyopencl as cl
 import pytest
 
 from clfur import layout
-from clfur.device import scheduler, signature
+from clfur.device import signature, source
 from clfur.pipeline.views import view_of
 from clfur.scene.scene import Scene
 from clfur.scene.strands import Strands
@@ -15,7 +15,7 @@ from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate
 
-KERNELS = sorted(scheduler.kernel_dir().glob("*.cl"), key=lambda path: path.name)
+KERNELS = sorted(source.kernel_dir().glob("*.cl"), key=lambda path: path.name)
 TEXT = """
 /* __kernel void not_this(const int a) */
 __kernel void all_kinds(
@@ -76,7 +76,7 @@ def test_what_cannot_be_checked_is_no_argument(wrong):
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.name)
 def test_the_driver_reads_the_same(gpu, path):
     """Where a driver reports names and types of arguments, they are those that were read."""
-    text = scheduler._text("common.h") + scheduler._text(path.name)
+    text = source.read(path.stem)
     program = cl.Program(gpu.context, layout.preamble(gpu.int64_atomics, lanes=gpu.lanes) + text)
     kernels = program.build(["-cl-std=CL1.2", "-cl-kernel-arg-info"]).all_kernels()
     read, info = signature.read(text), cl.kernel_arg_info

@@ -298,7 +298,7 @@ def test_ctrl_c_ends_it_while_a_window_moves(chromium):
         assert server.process.wait(20) == 0
         seconds, after = time.monotonic() - began, os.times()
         spent = (after.children_user + after.children_system - before.children_user - before.children_system
-                 - of_server.user - of_server.system)
+                 - sum(of_server[:4]))   # its own, and of processes that it had build kernels
         print(f"{seconds:.2f} s, {spent:.2f} s of them busy")
         assert spent < 0.25   # 0.45 where Python looks for cycles in all that NiceGUI imports
         assert seconds < 0.5 + psutil.getloadavg()[0] / psutil.cpu_count()

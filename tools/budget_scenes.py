@@ -8,7 +8,7 @@ import numpy as np
 
 import clfur
 from clfur import cache, measures, truth
-from clfur.device.scheduler import kernel_dir
+from clfur.device.source import kernel_dir
 from clfur.judge.frontier import digest
 from clfur.scene import frame
 

@@ -27,7 +27,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from clfur.device import scheduler
+from clfur.device import scheduler, source
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 600   # seconds a stage may take
@@ -151,7 +151,7 @@ def watch():
             [np.zeros(0, dtype), *(self.download(array).ravel() for array in there)]))
 
     real.__init__, real.launch, real.full, real.joined = started, recorded, full, joined
-    scheduler.kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
+    source.kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
     return launched
 
 

@@ -134,14 +134,19 @@ def remove_private():
 def temporary():
     """Within the block: path of an empty folder; it is removed then, or by a later process if this one is killed."""
     _remove_left()
-    with tempfile.TemporaryDirectory(prefix="clfur-") as made:
-        lock, empty = _lock(Path(made)), Path(made, "empty")
-        empty.mkdir()
-        try:
-            yield str(empty)
-        finally:
-            if lock is not None:
-                os.close(lock)
+    folder = tempfile.TemporaryDirectory(prefix="clfur-")
+    try:
+        with folder as made:
+            lock, empty = _lock(Path(made)), Path(made, "empty")
+            empty.mkdir()
+            try:
+                yield str(empty)
+            finally:
+                if lock is not None:
+                    os.close(lock)
+    except BaseException:   # one more signal may have cut the removal short
+        shutil.rmtree(folder.name, ignore_errors=True)
+        raise
 
 
 def _lock(made):

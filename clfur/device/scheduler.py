@@ -10,9 +10,7 @@ import warnings
 import weakref
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,8 @@ from pyopencl import tools
 
 from .. import cache, layout
 from ..errors import DeviceError, Error, Stopped, go_on, shown
-from . import caches, pocl, programs, signature
+from . import caches, pocl, programs, signature, source
+from .ahead import Ahead, starts
 from .memory import allowed, in_large_pages, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
 
@@ -38,30 +37,12 @@ LARGE = 1 << 22     # bytes of an array in which there is a large page, wherever
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
-def kernel_dir():
-    """Folder of the .cl files: the installed package clfur.cl, or cl/ beside clfur/ in a checkout."""
-    try:
-        return files("clfur.cl")
-    except ModuleNotFoundError:
-        return Path(__file__).resolve().parents[2] / "cl"
-
-
 @functools.cache
 def sources() -> str:
     """A hash of what this version of clfur consists of: a change anywhere may change times and pictures."""
-    here, kernels = Path(__file__).parents[1], kernel_dir()
+    here, kernels = Path(__file__).parents[1], source.kernel_dir()
     return cache.digest([[path.name, path.read_bytes()] for path in [*sorted(here.rglob("*.py")), *sorted(
         (path for path in kernels.iterdir() if path.name.endswith((".cl", ".h"))), key=lambda path: path.name)]])
-
-
-def _text(file):
-    """A kernel file with what it includes, each line under the name and number that it has in its own file."""
-    lines = [f'#line 1 "{file}"']
-    for number, line in enumerate(kernel_dir().joinpath(file).read_text(encoding="utf-8").splitlines(), 1):
-        if include := re.match(r'#include "(\w+\.(?:h|cl))"$', line):
-            line = f'{_text(include[1])}#line {number + 1} "{file}"'
-        lines.append(line)
-    return "\n".join(lines) + "\n"
 
 
 def _bytes(memory):
@@ -108,6 +89,7 @@ class Scheduler:
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
             # It works in the host's memory.  Oclgrind 21.10 takes what lies there for uninitialized: see findings/.
             self.on_host = bool(self.device.type & cl.device_type.CPU) and self.device.platform.name != CHECKER
+            self.makes = self.on_host and is_pocl   # it makes kernels when they first run
             self.large_pages = self.on_host and is_pocl   # Intel's gains nothing, and rusticl 22.3 fails to unmap
             # It ends loops after so many steps, silently: of all loops together, and of work-items side by side.
             self.steps = 65_535 if "llvmpipe" in self.device.name else None
@@ -120,7 +102,7 @@ class Scheduler:
         self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
         self._kernels: dict[str, signature.Kernel] = {}
         self._stems: set[str] = set()                # kernel files that are built,
-        self._builds: dict[str, Future] = {}         # and those that are being built in another thread
+        self._aheads: list[Ahead] = []               # and those that are being built beside what else is done
         self._building = threading.Lock()
         self._kept: dict[str, tuple] = {}
         self._nothing: dict[tuple, cla.Array] = {}   # empty arrays that are handed out again and again
@@ -243,6 +225,13 @@ class Scheduler:
         self._lent.append((array, weakref.ref(there.base_data)))
         return there
 
+    def _wait(self, wait):
+        """Call wait().  PoCL runs nothing while it makes a kernel, whichever: that counts as being held up."""
+        began, builds = time.perf_counter(), any(ahead.builds for ahead in self._aheads)
+        wait()
+        if builds:
+            self.held_up += time.perf_counter() - began
+
     def _take_back(self):
         """Let go what was lent to kernels, all of which have run, and which no other can be given."""
         self._lent[:] = [(array, buffer) for array, buffer in self._lent if buffer() is not None]
@@ -251,7 +240,7 @@ class Scheduler:
     def _finish(self):
         """Wait for all that was launched."""
         with self._watched("does not finish"):
-            self.queue.finish()
+            self._wait(self.queue.finish)
         self._done = self._given
         self._take_back()
 
@@ -321,7 +310,7 @@ class Scheduler:
         def wait():
             self.ask()
             with self._watched("gives no data"):
-                event.wait()
+                self._wait(event.wait)
             self._done = max(self._done, before)
             return there
         return wait
@@ -332,7 +321,9 @@ class Scheduler:
         ``arguments``: by their names in its signature, see `signature`; TypeError, before anything is run, for one that
         is missing, unknown or of another type than the kernel's.
         """
-        kernel = self._kernels.get(name) or self._built(name)
+        kernel = self._kernels.get(name)
+        if not kernel or not kernel.ran:
+            kernel = self._built(name)
         values = kernel.bind(arguments)
         for argument, array in arguments.items():   # PoCL and rusticl take another context's, and wait for nothing
             if isinstance(array, cla.Array) and array.queue is not self.queue and array.context != self.context:
@@ -370,13 +361,13 @@ class Scheduler:
             self._log.append((self._label or name.split(".")[0], event))
             self._given += PIECE if rate is None else rate * (end - begin)
             if self._given - self._done >= PIECE or (end < size and not short):
-                event.wait()
+                self._wait(event.wait)
                 if not short and (alone or rate is None):
                     # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
                     self._rates[turn] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
                 self._done = self._given
             if begin and end == size and not short:
-                event.wait()
+                self._wait(event.wait)
                 self._wholes[turn], self._done = (size, time.perf_counter() - started), self._given
             begin = end
 
@@ -423,8 +414,10 @@ class Scheduler:
             yield
         finally:
             self._stopped, self._stop = False, None   # what is read back between frames is wanted
-            self._leave_builds()
-            self._busy.release()
+            try:
+                self._leave_builds()
+            finally:   # also where Ctrl-C comes once more
+                self._busy.release()
 
     def stop(self) -> None:
         """Let the frame that is being drawn in another thread end with `Stopped`, soon."""
@@ -468,39 +461,59 @@ class Scheduler:
         return total
 
     def prepare(self, stems: Iterable[str]) -> None:
-        """Begin to build these kernel files, in this order, in another thread: `launch` waits for what it needs."""
-        missing = [stem for stem in stems if stem not in self._stems and stem not in self._builds]
+        """Begin to build these kernel files, in this order, beside what else is done: `launch` waits for what it
+        needs."""
+        known = self._stems.union(*self._aheads)
+        missing = [stem for stem in stems if stem not in known]
         if missing and self.device.platform.name != CHECKER:
-            builder = ThreadPoolExecutor(1)
-            self._builds |= {stem: builder.submit(self._build, stem) for stem in missing}
-            builder.shutdown(wait=False)   # once they are built
+            self._aheads.append(Ahead(missing, self.build, self._to_make, starts(self.device, self.allowed[0])))
+
+    def _to_make(self, stem):
+        """Kernels of a file that most pictures need, of a driver that makes them when they first run."""
+        return [f"{stem}.{name}" for name in signature.usual(source.read(stem))] if self.makes else []
+
+    def build(self, name: str) -> None:
+        """Build a kernel file, or make its kernel "stem.kernel" ready to run.  Raises `DeviceError`."""
+        with self._building:
+            if (stem := name.split(".")[0]) not in self._stems:
+                self._build(stem)
+        kernel = self._kernels.get(name)
+        if kernel and not kernel.ran:
+            with self._watched(f"does not run {name}"), caches.taking_kernels(self.device.platform.name):
+                queue = cl.CommandQueue(self.context)   # beside what runs
+                kernel.run(queue, (kernel.group,), (kernel.group,), 0, 0, *kernel.nothing).wait()
+            kernel.ran = True
 
     def _built(self, name):
-        """The kernel "stem.kernel", when its file is built."""
+        """The kernel "stem.kernel", when its file is built, and no other thread has it."""
         began, stem = time.perf_counter(), name.split(".")[0]
-        there = self._builds.pop(stem, None)
-        kernels = self._build(stem) if there is None else there.result()
+        for ahead in self._aheads:
+            if stem in ahead:
+                ahead.wait_for(name)
+        if name not in self._kernels:
+            self.build(stem)
         self.held_up += time.perf_counter() - began
-        return kernels[name]
+        return self._kernels[name]
 
     def _leave_builds(self):
         """End what `prepare` has begun, and what is not needed any more; what fails then fails when it is launched."""
-        for build in self._builds.values():
-            build.cancel()
-        wait(self._builds.values())
-        self._builds.clear()
+        aheads = list(self._aheads)
+        self._aheads.clear()
+        for ahead in aheads:
+            ahead.leave()
 
     def _build(self, stem):
-        text = _text("common.h") + _text(f"{stem}.cl")
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
-                                 self.hinted, self.device.local_mem_size) + text
+        text = source.read(stem)
+        whole = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
+                                self.hinted, self.device.local_mem_size)
+        whole += source.once(text) if self.lanes > 1 else text
         options = ["-cl-std=CL1.2", "-w"]   # some compilers write how many warnings there were to stderr
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
         began = time.perf_counter()
         try:
             with caches.taking_kernels(self.device.platform.name):
-                kernels, spoilt = programs.build(self.context, self.device, source, options,
+                kernels, spoilt = programs.build(self.context, self.device, whole, options,
                                                  signature.names(text))
         except (cl.Error, MemoryError, programs.NoKernelsError) as error:
             raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}"
@@ -508,8 +521,7 @@ class Scheduler:
         if spoilt:
             warnings.warn(f"what {self.name} keeps of {stem}.cl{caches.where(self.device.platform.name)} is spoilt: "
                           f"delete it; till then a second one is built", RuntimeWarning, stacklevel=2)
-        with self._building:
-            self.build_seconds += time.perf_counter() - began
+        self.build_seconds += time.perf_counter() - began
         signatures = signature.read(text)
         for function, kernel in kernels.items():
             name, arguments = f"{stem}.{function}", signatures[function]

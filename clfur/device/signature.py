@@ -23,10 +23,11 @@ class Lent(Array):
 
 class Kernel:
     """A kernel that is built, ``run``, its ``arguments`` behind begin and end, in order, work-items in a ``group``, and
-    whether it ``ran`` yet."""
+    whether it ``ran`` yet.  ``nothing``: what it may be given for no work-items."""
 
     def __init__(self, name, arguments, run, group):
         self.name, self.run, self.group, self.ran = name, run, group, False
+        self.nothing = [argument.nothing() for argument in arguments]
         self.takes = {argument.name: argument.take for argument in arguments}
 
     def bind(self, given):
@@ -45,6 +46,12 @@ class Kernel:
 def names(text):
     """Names of the kernels in a text of OpenCL C."""
     return [name for name, _ in _KERNEL.findall(_COMMENT.sub("", text))]
+
+
+def usual(text):
+    """Names of those that most pictures need: RARE stands before the others."""
+    rare = re.findall(r"\bRARE\s[\w\s]*\b__kernel\s+void\s+(\w+)", _COMMENT.sub("", text))
+    return [name for name in names(text) if name not in rare]
 
 
 def read(text):
@@ -84,6 +91,10 @@ class Argument:
 
     packed: type | None = np.void
 
+    def nothing(self):
+        """What a launch over no work-items may be given."""
+        return None
+
     def refused(self, value):
         """The error for a value that does not fit."""
         return TypeError(f"{self.name} is {_shown(value)}; allowed: {self.allowed}")
@@ -120,6 +131,9 @@ class Number(Argument):
             self.low, self.high = float(self.low), float(self.high)   # Python's compare faster
         self.allowed = f"a {'whole ' * self.whole}number from {self.low} to {self.high}"
 
+    def nothing(self):
+        return 0
+
     def take(self, value):
         if isinstance(value, (np.number, np.bool_, np.ndarray)) and not (value.shape or value.dtype.names):
             value = value.item()
@@ -140,6 +154,9 @@ class Vector(Argument):
         self.each, self.dtype = Number(name, base), np.dtype(NUMBERS[base])
         self.allowed = f"{width} numbers, each {self.each.allowed}"
 
+    def nothing(self):
+        return np.zeros(self.width, self.dtype)
+
     def take(self, value):
         row = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
         if row and len(value) == self.width:
@@ -153,6 +170,9 @@ class Struct(Argument):
     def __init__(self, name, base):
         self.name, self.base, self.width, self.dtype = name, base, 1, layout.STRUCTS[base]
         self.allowed = f"a layout.{base}"
+
+    def nothing(self):
+        return np.zeros((), self.dtype)[()]
 
     def take(self, value):
         if (isinstance(value, (np.void, np.ndarray)) and value.shape == ()

@@ -142,13 +142,12 @@ class Plan:
 
     @property
     def kernel_files(self) -> list[str]:
-        """Files of the kernels that the frame runs, about in the order in which it does."""
+        """Files of the kernels that the frame runs, about in the order in which it does; last those that take longest
+        to build, with which another process begins."""
         settings, shells = self.settings, self.scene.shells is not None
         casting = self.wants_color and any(grid is not None for grid in self.rig.grids) and bool(self.strands or shells)
         needed = {
-            "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
-            "masks": self.uses_coverage and settings.masks, "strands": self.strands,
-            "mattes": self.tells and self.strands, "flow": self.before,
+            "tessellate": self.faces, "raster": True, "strands": self.strands,
             "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None, "tufts": self.strands and self.tufted,
@@ -159,7 +158,9 @@ class Plan:
             "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
-            "blur": self.wants_color and settings.blur != "off"}
+            "mattes": self.tells and self.strands, "flow": self.before,
+            "blur": self.wants_color and settings.blur != "off",
+            "masks": self.uses_coverage and settings.masks, "coverage": self.uses_coverage}
         return [name for name, is_needed in needed.items() if is_needed]
 
     @property
