@@ -87,7 +87,8 @@ def commands(app, docname, source):
     """The page of the command: what `--help` tells."""
     if docname != "reference/command":
         return
-    for name, each in sorted(command.commands.items()):
+    for name in command.list_commands(None):
+        each = command.get_command(None, name)
         context, options = click.Context(each, info_name=f"clfur {name}"), Options()
         each.format_options(context, options)
         usage = " ".join(each.collect_usage_pieces(context))
