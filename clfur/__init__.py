@@ -1,67 +1,44 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
-import importlib
-import sys
-
 from .command.endings import watch_imports
 
 watch_imports()   # ahead of all that takes time to import
 
 # ruff: noqa: E402
+import importlib.util
+import sys
+import types
+
+import lazy_loader
+
 from ._version import __version__ as __version__
-from .budget import PRESETS
-from .device.scheduler import Scheduler
-from .errors import DeviceError, Error, Stopped
-from .files.animation import load_animation
-from .files.colmap import load_colmap
-from .files.curves import load_curves, save_curves
-from .files.gltf import load_materials
-from .files.images import load, load_header, load_picture, save, to_uint8
-from .files.meshes import load_mesh
-from .files.scenes import load_scene
-from .film.film import film
-from .judge import truth
-from .judge.compare import Comparison, compare
-from .judge.frontier import Frontier, frontier
-from .motion.hair import HairMotion, Wind
-from .motion.motion import Motion
-from .motion.shutter import blurred, subframes
-from .render import Frame, draw, frames, grow, render
-from .scene import (
-    Camera,
-    Chiang,
-    Comb,
-    Curves,
-    Environment,
-    Ground,
-    HairType,
-    Kajiya,
-    Light,
-    Maps,
-    Material,
-    Mesh,
-    PointForce,
-    Scene,
-    Shells,
-    Strands,
-    Tufts,
-    over,
-)
-from .settings import Settings
-from .viewer import pictures
-from .viewer.notebook import view
 
-__all__ = [
-    "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Stopped", "Strands", "Tufts", "Wind", "blurred",
-    "compare", "draw", "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves",
-    "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves",
-    "subframes", "to_uint8", "truth", "view",
-]
+# Each name is imported when it is first used, from where __init__.pyi says: all of them take longer than most need.
+_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-pictures.install()
+
+def __getattr__(name):
+    """A public name, or a module that nobody has imported yet, such as `clfur.device`."""
+    if name in __all__:
+        return _public(name)
+    if not name.startswith("_") and importlib.util.find_spec(f"{__name__}.{name}"):
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _known_as(name):
+    """A module whose names are those of another one, which is imported once one of them is used."""
+    module = types.ModuleType(name)
+
+
+    def get(attribute):
+        if attribute.startswith("__"):   # who goes through all modules, as `inspect` does, asks for these
+            raise AttributeError(f"module {name!r} has no attribute {attribute!r} yet")
+        return getattr(importlib.import_module(name), attribute)
+    module.__getattr__ = get
+    return module
+
+
 for _name in ("compare", "frontier", "truth"):   # in judge/; users import them by these names
     # There from the start: an import would put the module in the place of the function.
-    sys.modules[f"clfur.{_name}"] = importlib.import_module(f"clfur.judge.{_name}")
-del importlib, sys, pictures, _name
+    sys.modules[f"clfur.{_name}"] = _known_as(f"clfur.judge.{_name}")

@@ -7,8 +7,6 @@ import os
 import tempfile
 from pathlib import Path
 
-import attrs
-import numpy as np
 import platformdirs
 
 from ._version import __version__
@@ -50,6 +48,9 @@ def digest(*values):
 
 
 def _texts(value):
+    import attrs  # with NumPy, not above: what asks for drivers comes before all that takes long to import
+    import numpy as np
+
     if attrs.has(type(value)):
         yield type(value).__name__.encode()
         for field in attrs.fields(type(value)):

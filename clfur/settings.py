@@ -98,3 +98,21 @@ class Settings:
     def goal(self) -> str | None:
         """Name of the field by which the others are chosen: "seconds", "max_error", or None."""
         return next((name for name in ("seconds", "max_error") if getattr(self, name) is not None), None)
+
+
+def label(settings, layers=None):
+    """What is particular to settings, in a few words: "4 samples, coverage, shadow grid 48"."""
+    words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
+    words += ["coverage"] * (settings.raster == "coverage")
+    words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
+    words += [f"{settings.shadows} shadows"] * (settings.shadows not in ("length", "off"))
+    words.append("no shadows" if settings.shadows == "off" else f"shadow grid {settings.grid}")
+    words += ["unfiltered"] * (not settings.filtered)
+    written = {"samples", "raster", "shadows", "grid", "filtered"}
+    written |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing reads these
+    for field in attrs.fields(Settings):
+        value = getattr(settings, field.name)
+        if value != field.default and field.name not in written:
+            words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
+                         f"{value if isinstance(value, str) else f'{value:g}'}")
+    return ", ".join(words)

@@ -1,5 +1,6 @@
 """What `Settings(max_error=)` and `Settings(seconds=)` choose: cheap enough, near enough, and the same every time."""
 
+import importlib
 import itertools
 import warnings
 
@@ -46,8 +47,7 @@ def error_of(picture, truths):
 @pytest.fixture
 def frames(monkeypatch):
     """[(settings, bands)] of all that is drawn from here on."""
-    import sys
-    render, calls = sys.modules["clfur.render"], []
+    render, calls = importlib.import_module("clfur.render"), []   # clfur.render is its function
     real = render.draw_frame
 
     def draw(team, scene, settings, *rest, bands=None, **how):

@@ -487,3 +487,10 @@ def test_as_a_process(tmp_path):
                           cwd=tmp_path, env=os.environ | {"PYTHONPATH": checkout},
                           capture_output=True, text=True, timeout=60)
     wrong((done.returncode, done.stdout, done.stderr), "missing.obj")
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell's")
+def test_stdout_and_stderr_may_be_closed(tmp_path):
+    line = '"$0" -m clfur render sphere -o "$1" --size 16x12 --roots 50 >&- 2>&-'
+    done = subprocess.run(["sh", "-c", line, sys.executable, str(tmp_path / "a.png")], cwd=Path(__file__).parents[1],
+                          timeout=300, check=False)
+    assert done.returncode == 0 and (tmp_path / "a.png").is_file()

@@ -14,10 +14,10 @@ from support.command import wrong
 
 from clfur import Settings
 from clfur.command import chart as cli_chart
+from clfur.judge import frontier as library
 from clfur.judge.frontier import sweep
 
 TINY = ["--size", "16x12", "--roots", "50", "--inner", "1", "--outer", "1"]
-library = sys.modules["clfur.judge.frontier"]
 
 
 @pytest.fixture(autouse=True)

@@ -104,7 +104,7 @@ def test_without_flip(clfur, made, comparison):
     (["--size", "0x1"], ["--size"]),
 ])
 def test_wrong_arguments(clfur, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.setattr(sys.modules["clfur.judge.compare"], "isolated", None)   # nothing is drawn
+    monkeypatch.setattr("clfur.judge.compare.isolated", None)   # nothing is drawn
     wrong(clfur("compare", *arguments), *words)
     assert not list(tmp_path.iterdir())
 

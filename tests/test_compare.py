@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import sys
 import time
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 
 import clfur
 from clfur.device import selection as device
+from clfur.judge import compare as library  # the module: clfur.compare is its function
 from clfur.judge import isolated
-
-library = sys.modules["clfur.judge.compare"]   # the module: clfur.compare is its function
 
 
 def scene(sphere):
@@ -105,7 +103,7 @@ def made_up(device, scene, settings, repeat):
     elif device == "error":
         raise clfur.Error("the device is out of memory")
     elif device == "resident":
-        module = sys.modules["clfur.judge.compare"]
+        module = library
         module.draw = lambda *_, **__: clfur.Frame({"color": PICTURE}, "", 1, 2, 3, 1, {}, 5, {})
         return module._measure("auto", None, None, 1)
     return {"bits": lambda: measured(hashes={"visibility": "a", "voxels": "c"}),

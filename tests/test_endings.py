@@ -13,6 +13,7 @@ from support.command import wrong
 
 import clfur as library
 from clfur.command import endings
+from clfur.files import images
 
 ROOT = Path(__file__).resolve().parents[1]
 CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGHUP": 129}
@@ -61,7 +62,8 @@ class Running:
         assert list(self.temporary.iterdir()) == []
 
     def children(self):
-        return Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        threads = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return [child for each in threads for child in each.read_text().split()]
 
 
 def waiting(running):
@@ -81,6 +83,20 @@ def slow(tmp_path):
 @pytest.mark.parametrize("name", SIGNALS)
 def test_while_it_imports(tmp_path, slow, name):
     waiting(Running(tmp_path, "render", "sphere", path=[slow])).ends(name)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for children")
+@pytest.mark.parametrize("name", SIGNALS)
+def test_while_it_imports_and_asks_drivers(tmp_path, slow, name):
+    """In a first run, with a child, which imports slowly too, and with a folder for what that says."""
+    running = Running(tmp_path, "render", "sphere", path=[slow],
+                      places={"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path)})
+    waiting(running).wait_for(running.children)
+    time.sleep(0.3)
+    child = running.children()[0]
+    assert list(running.temporary.iterdir())
+    running.ends(name)
+    assert not Path(f"/proc/{child}").exists()
 
 
 def test_while_the_installed_script_imports(tmp_path, slow):
@@ -276,6 +292,19 @@ def test_a_driver_puts_no_handler_before_pythons(mine):
     subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
 
 
+def test_what_an_import_makes_of_it(capfd):
+    """Libraries whose import is cut short raise an error of their own."""
+    def command():
+        try:
+            os.kill(os.getpid(), 15)
+            time.sleep(1)
+        except BaseException as error:
+            raise ImportError("initialization failed") from error
+    assert endings.run(command) == 143 and capfd.readouterr().err == "clfur: ended by SIGTERM\n"
+    with pytest.raises(ImportError, match="another"):
+        endings.run(lambda: exec("raise ImportError('another')"))
+
+
 def test_what_nobody_catches_is_told_but_of_signals(monkeypatch):
     """Python tells of a signal that came just before it was ignored; all else that nobody catches is told as ever."""
     told = []
@@ -322,7 +351,7 @@ def test_a_full_disk_in_the_command(clfur, tmp_path, monkeypatch):
     def full(path, outputs, about):
         path.write_bytes(b"half")
         raise OSError(28, "No space left on device")
-    monkeypatch.setitem(library.files.images.WRITERS, ".png", full)
+    monkeypatch.setitem(images.WRITERS, ".png", full)
     (tmp_path / "a.png").write_text("mine")
     wrong(clfur("render", "sphere", "--roots", 50, "--size", "40x30", "-o", "a.png"),
           "a.png: cannot be written: No space left on device")

@@ -13,6 +13,7 @@ from support.scenes import icosphere
 import clfur
 from clfur.files.images import pixels
 from clfur.film import jobs as library
+from clfur.film import moments
 from clfur.film.turntable import turntable
 
 MOTION = {"wind": clfur.Wind((3, 0, 1), 0.5, 0.5), "units_per_metre": 2}
@@ -57,7 +58,7 @@ def test_frames_are_those_that_render_gives(tmp_path, device):
 
 def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
     """With motion and wind, from a state that is kept; the same bytes as of a film that nothing has stopped."""
-    monkeypatch.setattr(sys.modules["clfur.film.moments"], "EVERY", 3)
+    monkeypatch.setattr(moments, "EVERY", 3)
     _film(tmp_path / "whole", device, range(13))
     drawn, steps = [], []
     draw, step = library.Job.draw, clfur.Motion.step
@@ -225,7 +226,7 @@ def test_memory_does_not_grow(tmp_path, device, monkeypatch):
         if what == "frames" and done in (20, 60):
             gc.collect()
             took[done] = tracemalloc.get_traced_memory()[0], device._pool.managed_bytes
-    monkeypatch.setattr(sys.modules["clfur.film.moments"], "EVERY", 3)
+    monkeypatch.setattr(moments, "EVERY", 3)
     tracemalloc.start()
     try:
         _film(tmp_path / "a", device, range(60), progress=measure)

@@ -1,7 +1,6 @@
 """Speed against accuracy: the truth that is compared to, what is tried, what is kept, and who is on the frontier."""
 
 import json
-import sys
 
 import attrs
 import numpy as np
@@ -12,9 +11,9 @@ from clfur import cache
 from clfur.cache import digest
 from clfur.device import scheduler
 from clfur.device import selection as device
+from clfur.judge import frontier as library  # the module: clfur.frontier is its function
 from clfur.judge.frontier import label, sweep
 
-library = sys.modules["clfur.judge.frontier"]   # the module: clfur.frontier is its function
 WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settings(samples=16, grid=32)]
 TIMED = {"times", "seconds", "best"}
 

@@ -97,6 +97,14 @@ def test_hang_ends_in_time():
     assert time.monotonic() - began < 10
 
 
+def test_given_up():
+    began, heard = time.monotonic(), []
+    with pytest.raises(clfur.Stopped):
+        call("child_that_sleeps", receive=heard.append, stop=lambda: bool(heard))
+    assert time.monotonic() - began < 10
+    check_gone(heard[0])
+
+
 def test_what_is_told_arrives_in_order_and_extends_the_time():
     heard = []
     outcome = call("count", 5, 1.3, seconds=6, receive=heard.append)   # 6.5 s in all
@@ -110,12 +118,16 @@ def test_environment():
 def test_nothing_is_left_running():
     pids = []
     assert call("child_that_sleeps", seconds=6, receive=pids.append).status == "hang"
+    check_gone(pids[0])
+
+
+def check_gone(pid):
     for _ in range(50):
         try:
-            state = Path(f"/proc/{pids[0]}/stat").read_text().split(") ")[1][0]
+            state = Path(f"/proc/{pid}/stat").read_text().split(") ")[1][0]
         except (FileNotFoundError, ProcessLookupError):
             return
         if state == "Z":
             return
         time.sleep(0.1)
-    pytest.fail(f"process {pids[0]} still runs")
+    pytest.fail(f"process {pid} still runs")

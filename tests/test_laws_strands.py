@@ -9,6 +9,8 @@ import clfur
 from clfur.color import linear_to_srgb
 from clfur.judge import truth
 from clfur.judge.geometry import geometry_of
+from clfur.pipeline.plan import Plan
+from clfur.pipeline.views import Rig
 from clfur.twin import strands as twin
 
 STRAIGHT = clfur.HairType(segments=1, segment_length=.1, force_weight=0)
@@ -88,7 +90,7 @@ def test_also_in_parts_and_for_a_team(gpu, another):
     scene = hair_on(pose, rest=mesh, types=clfur.HairType(segments=4, segment_length=.03, width=.01), inner=12,
                     outer=12)
     small = another(2_000_000)
-    parts = clfur.pipeline.plan.Plan(clfur.pipeline.views.Rig.of(scene, QUICK), ("color",)).parts(small)
+    parts = Plan(Rig.of(scene, QUICK), ("color",)).parts(small)
     assert len({part.faces for part in parts}) > 1
     whole, cut, shared = (clfur.draw(scene, device, QUICK, hashes=True)
                           for device in (gpu, small, [gpu, another(None)]))

@@ -20,8 +20,8 @@ from PIL import Image
 from support.browser import chromium
 
 import clfur
-from clfur.errors import brief
 from clfur.files.images import png_bytes
+from clfur.scene.display import brief
 from clfur.viewer import notebook, pace, pictures
 from clfur.viewer.orbit import Orbit
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from clfur.device import scheduler
+from clfur.device import source
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,7 +31,7 @@ WHEELS = {
     **{name: [(version, ALL, set(PYTHONS))] for name, version in {
         "pyopencl": "2026.1.4", "trimesh": "5.2.0", "attrs": "26.1.0", "click": "8.5.1", "rich": "15.0.0",
         "mapbox-earcut": "2.1.0", "psutil": "7.2.2", "jinja2": "3.1.6", "pytest": "9.2.0", "pytest-xdist": "3.8.0",
-        "mypy": "2.4.1", "ruff": "0.17.6", "setuptools": "84.2.1",
+        "mypy": "2.4.1", "ruff": "0.17.6", "setuptools": "84.2.1", "lazy-loader": "0.6",
         "distributed": "2026.8.0", "anywidget": "0.11.0", "nbclient": "0.11.0", "nbformat": "5.11.1",
         "nicegui": "3.18.0", "playwright": "1.65.2"}.items()},
     **{name: [(old, ALL, OLD), (new, ALL, NEW)] for name, old, new in [
@@ -101,9 +101,9 @@ def test_the_wheel_holds_what_runs(built):
     expected = {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*.py")}
     expected |= {f"clfur/cl/{path.name}" for path in (ROOT / "cl").iterdir() if path.is_file()}
     expected |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*")
-                 if path.suffix in (".html", ".css", ".js")}
+                 if path.suffix in (".html", ".css", ".js", ".pyi")}
     expected |= {"clfur/py.typed", "clfur/judge/selftest.npz"}
-    assert sorted(expected - held) == [] and f"clfur/cl/{scheduler.kernel_dir().joinpath('march.cl').name}" in held
+    assert sorted(expected - held) == [] and f"clfur/cl/{source.kernel_dir().joinpath('march.cl').name}" in held
     assert {name.split("/")[0].split("-")[0] for name in held} == {"clfur"}   # no tests, tools or examples beside it
 
 
@@ -111,8 +111,8 @@ def test_the_wheel_runs_alone(built, tmp_path):
     """Without the tree: kernels, pages and the self-test's pictures are found."""
     with zipfile.ZipFile(built[1]) as packed:
         packed.extractall(tmp_path / "site")
-    code = ("import clfur, sys\nfrom clfur.judge import report, selftest\nfrom clfur.device import scheduler\n"
-            "assert clfur.__file__.startswith(sys.argv[1]) and str(scheduler.kernel_dir()).startswith(sys.argv[1])\n"
+    code = ("import clfur, sys\nfrom clfur.judge import report, selftest\nfrom clfur.device import source\n"
+            "assert clfur.__file__.startswith(sys.argv[1]) and str(source.kernel_dir()).startswith(sys.argv[1])\n"
             "assert '<html' in report._template('base.html') and selftest.check('auto')[0] == ''\n")
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "site")], cwd=tmp_path, text=True,
                           capture_output=True, env=os.environ | {"PYTHONPATH": str(tmp_path / "site")}, timeout=300)

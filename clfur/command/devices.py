@@ -6,16 +6,16 @@ import json
 import os
 import re
 import sys
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import click
 
 from .. import cache
 from ..device import caches, vendors
 from ..errors import Error
-from ..judge import speed
 from ..judge.isolated import isolated
-from ..judge.report import milliseconds
-from . import bug_report
+from . import endings
 from .lines import say
 
 LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
@@ -52,9 +52,11 @@ def devices(check, why, report, as_json):
     return int(bool(failures))
 
 
-def survey():
-    """`device.survey` from a process of its own: a driver that crashes while it loads must not end the command."""
-    outcome = isolated("clfur.device.selection:survey", seconds=LOADING)
+def survey(stop=None):
+    """`device.survey` from a process of its own: a driver that crashes while it loads must not end the command.
+
+    ``stop``: as for `isolated`."""
+    outcome = isolated("clfur.device.selection:survey", seconds=LOADING, stop=stop)
     if outcome.status == "error":
         raise Error(outcome.message)
     if outcome.status != "ok":
@@ -64,22 +66,48 @@ def survey():
     return outcome.value
 
 
-def ask_drivers():
-    """Raise `clfur.Error` if a driver crashes while it loads; asks once for each set of drivers, and remembers.
+_asked: list[Future] = []   # within `asking_drivers`: what `ask_drivers` waits for
 
-    Before OpenCL starts in this process, which would die of it without a word.
-    """
+
+@contextlib.contextmanager
+def asking_drivers():
+    """Within the block another process finds out, for `ask_drivers`, whether a driver crashes while it loads: this one
+    does meanwhile what needs none.  Once for each set of drivers, and then it is remembered."""
     listed = vendors.vendors()[0]
     state = [(v, os.stat(v.library).st_mtime_ns if os.path.isfile(v.library) else None) for v in listed]
-    name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
+    name, over = hashlib.sha256(repr(state).encode()).hexdigest()[:16], threading.Event()
     try:
-        if (cache.folder("loaded") / name).is_file():
-            return
+        known = (cache.folder("loaded") / name).is_file()
     except Error:   # no cache folder: ask each time
-        pass
-    survey()
+        known = False
+    with ThreadPoolExecutor(1) as pool:
+        if known:
+            _asked.append(Future())
+            _asked[0].set_result(None)
+        else:
+            endings.half_done[:] = over.set, pool.shutdown   # which waits till it is over
+            _asked.append(pool.submit(_load, name, over.is_set))
+        try:
+            yield
+        finally:
+            over.set()
+            _asked.clear()
+            endings.half_done.clear()
+
+
+def _load(name, stop):
+    survey(stop)
     with contextlib.suppress(Error):   # asked again next time
         cache.write(cache.folder("loaded") / name, b"")
+
+
+def ask_drivers():
+    """Raise `clfur.Error` if a driver crashes while it loads: before OpenCL starts in this process, which would die of
+    it without a word."""
+    with contextlib.nullcontext() if _asked else asking_drivers():
+        while wait(_asked, 0.1).not_done:   # on Windows nothing interrupts what waits without an end
+            pass
+        _asked[0].result()
 
 
 def _each(found):
@@ -88,6 +116,8 @@ def _each(found):
 
 def _check(found):
     """Check each device, remember it, and update what was found -> {identity: verdict} of those that fail."""
+    from ..judge.report import milliseconds  # not above: commands that draw begin with this module, which is light
+
     failures = {}
     for name, device in [(each["name"], device) for each in found["platforms"] for device in each["devices"]]:
         click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
@@ -138,6 +168,9 @@ def _seconds(number):
 
 def _list(found):
     """Print some lines about each device, as wide as the terminal, and which is taken."""
+    from ..judge import speed
+    from . import bug_report
+
     for platform in found["platforms"]:
         # What follows the version is how PoCL was built.
         title = f"{platform['name']}, {re.split(',|  ', platform['version'])[0].strip()}"
@@ -174,6 +207,8 @@ def _sentence(found):
 def _report(as_json):
     if as_json:
         raise click.UsageError("--report is text for people; allowed beside it: nothing")
+    from . import bug_report
+
     rows, notes = _drivers()
     try:
         found, trouble = survey(), ""

@@ -6,11 +6,13 @@ import signal
 import socket
 import sys
 import threading
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import contextmanager, suppress
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 AGAIN = 0.2   # seconds, after which one is raised again that something has swallowed
 
+half_done: list[Callable[[], object]] = []   # what undoes what has begun before imports: called where these are ended
 _heard: list[int] = []   # numbers of signals; the first is what ended the command
 _serves = threading.Event()
 
@@ -63,8 +65,10 @@ def run(command):
     try:
         before = _handle(lambda number, _: _raise(number, over))
         return command()
-    except Ended:   # a second one, ere `over` is set, finds this one being handled
-        over.append(True)
+    except BaseException as error:
+        if not _is_raised(error):   # an import that it cuts short may make an ImportError of it
+            raise
+        over.append(True)   # a second one, ere it is set, finds this one being handled
         return say()
     finally:
         over.append(True)
@@ -77,6 +81,18 @@ def run(command):
         for number, handler in before.items():   # Python's own end would let a late one end the process otherwise
             signal.signal(number, signal.SIG_IGN if _heard and handler is _leave else handler)
         sys.unraisablehook = hook
+
+
+@contextmanager
+def importing():
+    """Within the block, in `run`, a signal ends the process at once, in its one line: in C++ that is under way, as when
+    pyopencl is imported, what is raised would abort it."""
+    before = _handle(_leave)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def say():
@@ -129,6 +145,8 @@ def _raise_again(ear, done):
 
 
 def _leave(number, frame):
-    if not _heard:   # nothing is there to be undone
+    if not _heard:
         _heard.append(number)
+        for undo in half_done:
+            undo()
         os._exit(say())

@@ -8,14 +8,13 @@ import attrs
 import click
 import numpy as np
 
-from .. import Camera, Scheduler, blurred, draw, over, save, subframes
+import clfur
+
+from .. import Camera, Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
-from ..film.cluster import check_address
-from ..film.jobs import on_host
-from ..film.regions import picture
-from ..judge.frontier import label
-from ..scene import backdrop
+from ..scene import backdrop, on_host
+from ..settings import label
 from .described import lowered
 from .devices import ask_drivers
 from .lines import say
@@ -155,7 +154,7 @@ def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known, cluster)
         tell(f"moving the hair of {given}")
     if degrees or vectors:
         at, steps = within(given, *moving, seconds, device, (degrees or 360) / 360 / fps)
-        n = 1 if vectors else subframes(at(0), at(1), device) if pictures == "auto" else pictures
+        n = 1 if vectors else clfur.subframes(at(0), at(1), device) if pictures == "auto" else pictures
         scenes = [at(1)] if vectors else [at((k + 0.5) / n) for k in range(n)]
         known = known | {"before": at(0) if vectors else None}
     else:
@@ -163,9 +162,11 @@ def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known, cluster)
         scenes = [scene]
     tell(f"drawing {given}")
     if cluster is not None:
+        from ..film.regions import picture  # with all that draws on clusters
+
         return picture(on_host(scene), cluster, device=device, **{
             name: known[name] for name in ("settings", "outputs", "region")}), scene, steps
-    drawn = draw(*scenes, **known) if len(scenes) == 1 else blurred(scenes, **known)
+    drawn = draw(*scenes, **known) if len(scenes) == 1 else clfur.blurred(scenes, **known)
     return drawn, scenes[len(scenes) // 2], steps
 
 
@@ -210,6 +211,8 @@ def _over(image, behind, size, region):
 def _devices(device, cluster, memory):
     """The option --device, a text or a list of several; raises what does not go with a cluster."""
     if cluster is not None:
+        from ..film.cluster import check_address
+
         check_address(cluster)
         if memory is not None:
             raise click.UsageError("--memory is for this process; allowed: without --cluster")

@@ -20,14 +20,10 @@ from ..budget import LADDER, refused
 from ..errors import shown
 from ..files.input import is_noted
 from ..files.usd import is_usd
-from ..film.jobs import on_host
-from ..film.moments import OF_MOTION
-from ..judge.frontier import label
-from ..scene import highlighted, upright
-from ..settings import CHOSEN
+from ..scene import highlighted, on_host, upright
+from ..settings import CHOSEN, label
 from .described import scene_of
 from .options import check_fur, check_settings, given_flags
-from .usd import scene_of_usd
 
 FPS = 24   # frames a second in which hair is moved up to a time
 
@@ -128,7 +124,7 @@ def load_moving(given, options):
         check_settings(flags, settings)
         if "up" in flags and is_usd(given):
             raise click.UsageError(f"--up is for files that do not tell, but {given} does; allowed: without it")
-        scene = scene_of_usd(given, flags, options) if is_usd(given) else scene_of(
+        scene = _of_usd(given, flags, options) if is_usd(given) else scene_of(
             upright(load_mesh(given)) if options["up"] == "z" else load_mesh(given), options | {"given": given})
         return scene, None, _taken(scene, settings, flags, options)
     scene, motion, given_settings = _run(given)
@@ -143,6 +139,12 @@ def load_moving(given, options):
     if "specular" in flags:
         scene = _with_highlights(scene, options["specular"])
     return scene, motion, given_settings or _taken(scene_at(scene, options["time"]), settings, flags, options)
+
+
+def _of_usd(given, flags, options):
+    from .usd import scene_of_usd  # with all that reads USD
+
+    return scene_of_usd(given, flags, options)
 
 
 def _with_highlights(scene, specular):
@@ -194,12 +196,19 @@ def _run(path):
                     f"allowed: scene = clfur.Scene(...), or def scene(t) that returns one")
     if not isinstance(settings, Settings | None):
         raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
-    wrong = [] if motion is None else [motion] if not isinstance(motion, dict) else [
-        name for name in motion if name not in OF_MOTION]
+    if motion is not None:
+        _check_motion(path, motion)
+    return scene, motion, settings
+
+
+def _check_motion(path, motion):
+    """Raise `clfur.Error`, which names the scene file, for what are no arguments of `clfur.Motion`."""
+    from ..film.moments import OF_MOTION
+
+    wrong = [motion] if not isinstance(motion, dict) else [name for name in motion if name not in OF_MOTION]
     if wrong:
         what = f"motion[{wrong[0]!r:.60}]" if isinstance(motion, dict) else f"motion = {motion!r:.60}"
         raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(OF_MOTION)}, or none")
-    return scene, motion, settings
 
 
 @contextlib.contextmanager

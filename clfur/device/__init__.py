@@ -1,5 +1,6 @@
 """OpenCL devices: which one, its drivers, buffers, programs and launches, and several for one frame.  Knows no fur."""
 
-from .selection import choose, describe, find, handles, pick, probe, reason, survey
+import lazy_loader
 
-__all__ = ["choose", "describe", "find", "handles", "pick", "probe", "reason", "survey"]
+# Imported when they are first used, from where __init__.pyi says: what looks for drivers does without OpenCL.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

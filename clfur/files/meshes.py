@@ -10,7 +10,6 @@ from ..errors import Error, shown
 from ..scene import Mesh
 from ..scene.mesh import Numbering
 from ..scene.origin import copied
-from .gltf import glb, gltf
 from .input import read
 from .obj import obj
 from .off import off
@@ -96,7 +95,13 @@ def finite(fields: dict[str, Any]) -> dict[str, Any]:
     return fields
 
 
-READERS = {".obj": obj, ".ply": ply, ".stl": stl, ".off": off, ".glb": glb, ".gltf": gltf}
+def _of_gltf(data, path):
+    from . import gltf  # takes long to import, with pictures, animations and all
+
+    return (gltf.glb if path.suffix.lower() == ".glb" else gltf.gltf)(data, path)
+
+
+READERS = {".obj": obj, ".ply": ply, ".stl": stl, ".off": off, ".glb": _of_gltf, ".gltf": _of_gltf}
 
 
 # --- built-in models ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr): bytes -> linear colours. Of what Pillow and imageio bring, nothing reads them."""
+"""Radiance pictures (.hdr): bytes -> linear colours. Pillow does not read them."""
 
 import re
 

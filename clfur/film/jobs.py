@@ -10,7 +10,7 @@ from ..errors import Error
 from ..files.images import encoded
 from ..motion.shutter import blurred
 from ..render import draw
-from ..scene import Curves, Scene, Shells, over
+from ..scene import Scene, over
 from ..settings import Settings
 
 
@@ -39,15 +39,6 @@ class Job:
         if self.background is not None:
             image = over(image, self.background)
         return encoded(self.suffix, image, scene.camera, self.settings)
-
-
-def on_host(scene: Scene) -> Scene:
-    """The same Scene with no array on a device."""
-    here = tuple(each.on_host if isinstance(each, (Curves, Shells)) else each
-                 for each in (scene.shells, scene.strands) if each is not None)
-    if all(each is scene.shells or each is scene.strands for each in here):
-        return scene
-    return attrs.evolve(scene, fur=here if len(here) > 1 else here[0])
 
 
 def alone(jobs: Iterable[Job], device: Any, stop: Callable[[], bool] | None = None) -> Iterator[tuple[int, bytes]]:

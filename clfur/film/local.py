@@ -1,6 +1,5 @@
 """A cluster on this machine: a scheduler in this process, and workers that end with it."""
 
-import asyncio
 import contextlib
 import json
 import logging
@@ -74,6 +73,7 @@ def shares_of(devices: list[str], count: int | None, cores: int) -> list[dict[st
 
 def serve(address: str, folder: str, shares: str) -> None:
     """Keep workers at an address, a process each, that is started anew when it dies, till the parent ends."""
+    import asyncio  # takes long, and the command needs none of it
     from threading import Thread
 
     Thread(target=end_with_parent, daemon=True).start()
@@ -81,6 +81,8 @@ def serve(address: str, folder: str, shares: str) -> None:
 
 
 async def _workers(address, folder, shares):
+    import asyncio
+
     from distributed import Nanny
 
     # A limit of memory would end workers that draw; clfur has its own.

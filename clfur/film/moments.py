@@ -10,10 +10,9 @@ from ..cache import digest
 from ..errors import Error, go_on, shown
 from ..motion.motion import Motion
 from ..motion.shutter import subframes
-from ..scene import Scene, Strands
+from ..scene import Scene, Strands, on_host
 from ..scene.maps import planes
 from ..scene.origin import copied
-from .jobs import on_host
 from .record import Record
 
 LARGE = "mesh", "strands", "shells", "body_color", "environment"   # parts of scenes, which may take long to hash

@@ -15,10 +15,11 @@ import psutil
 from ..device.caches import in_folder, temporary
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
-from ..errors import Error, brief
+from ..errors import Error
 from ..measures import flip
 from ..render import draw
 from ..scene import Scene, checks
+from ..scene.display import brief
 from ..settings import Settings
 from .isolated import isolated, send
 from .speed import told

@@ -15,10 +15,11 @@ from .. import cache, measures
 from ..budget import PRESETS, refused
 from ..cache import digest
 from ..device.scheduler import Scheduler, sources
-from ..errors import Error, brief
+from ..errors import Error
 from ..render import draw
 from ..scene import Camera, Scene, checks
-from ..settings import Settings
+from ..scene.display import brief
+from ..settings import Settings, label
 from . import truth
 from .compare import Spread, plain
 
@@ -185,24 +186,6 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
     return Frontier(gpu.name, scene.camera.size, noise,
                     f"the scene's own shells in {LAYERS} unfiltered layers" if scene.shells else
                     "brute force" + ", light from hair to hair" * (orders > 0), earlier, points)
-
-
-def label(settings, layers=None):
-    """What is particular to settings, in a few words: "4 samples, coverage, shadow grid 48"."""
-    words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
-    words += ["coverage"] * (settings.raster == "coverage")
-    words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
-    words += [f"{settings.shadows} shadows"] * (settings.shadows not in ("length", "off"))
-    words.append("no shadows" if settings.shadows == "off" else f"shadow grid {settings.grid}")
-    words += ["unfiltered"] * (not settings.filtered)
-    written = {"samples", "raster", "shadows", "grid", "filtered"}
-    written |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing reads these
-    for field in attrs.fields(Settings):
-        value = getattr(settings, field.name)
-        if value != field.default and field.name not in written:
-            words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
-                         f"{value if isinstance(value, str) else f'{value:g}'}")
-    return ", ".join(words)
 
 
 def _checked(scene, ways):

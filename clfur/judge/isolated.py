@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..device.caches import remove_private, takes_kernels, temporary
-from ..errors import Error
+from ..errors import Error, go_on
 
 GRACE = 1.0   # seconds for what takes kernels when it is to end
 
@@ -32,11 +32,12 @@ class Outcome:
     message: str = ""
 
 
-def isolated(function, *arguments, seconds, receive=None, environment=None):
+def isolated(function, *arguments, seconds, receive=None, environment=None, stop=None):
     """Call ``function`` ("package.module:name") with ``arguments`` in a fresh process -> `Outcome`.
 
     ``receive``: called here with each object that the function there sends by ``isolated.send(object)``.  ``seconds``:
     it may take, from one such object to the next.  ``environment``: variables to change there, {name: text}.
+    ``stop``: a function that is asked again and again; once it says True, `clfur.Stopped` is raised.
     The process and what it started are gone when this returns, or raises.  Raises `clfur.Error` for arguments that
     cannot be sent to it.
     """
@@ -56,7 +57,7 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
                 stdin=subprocess.PIPE, stdout=stderr, stderr=stderr, start_new_session=True,
                 env={**os.environ, **(environment or {})})
         try:
-            value, status = _listen(child, answers, seconds, receive)
+            value, status = _listen(child, answers, seconds, receive, stop)
         finally:
             end(child)
         if status == "hang":
@@ -91,7 +92,7 @@ def _death(code):
     return f"ended with code {code}" if code < 1 << 16 else f"ended with code 0x{code:08x}"
 
 
-def _listen(child, answers, seconds, receive):
+def _listen(child, answers, seconds, receive, stop):
     """(value, status) of the child: what it writes to the file ``answers``, until it has written all or has died."""
     heard = time.monotonic()
     with answers.open("rb") as stream:
@@ -106,6 +107,7 @@ def _listen(child, answers, seconds, receive):
                     return None, "crash"
                 if time.monotonic() - heard > seconds:
                     return None, "hang"
+                go_on(stop)
                 time.sleep(0.02)
                 continue
             heard = time.monotonic()

@@ -3,8 +3,9 @@
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from ..scene import checks
+from ..scene.display import brief
 from ..stages.wind import moment
 
 STANDARD = 9.81   # m / s², by which bend_length is meant, whatever the scene's gravity

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..errors import brief
 from ..scene import Scene
+from ..scene.display import brief, repr_png
 from ..settings import Settings
 from ..stages import march, shells
 from ..stages.blur import blur, blur_radius
@@ -57,6 +57,7 @@ class Frame:
     building: float = 0.0
     pictures: int = 1
     __repr__ = brief
+    _repr_png_ = repr_png
 
 
 def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,

@@ -17,7 +17,7 @@ from .maps import Comb, Maps
 from .material import Material
 from .mesh import Mesh
 from .origin import seen_from, upright
-from .scene import Scene, frame
+from .scene import Scene, frame, on_host
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
 from .tufts import Tufts
@@ -25,5 +25,5 @@ from .tufts import Tufts
 __all__ = [
     "Bounds", "Camera", "Chiang", "Comb", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Maps",
     "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame",
-    "fur_extent", "hair_bounds", "highlighted", "over", "seen_from", "upright",
+    "fur_extent", "hair_bounds", "highlighted", "on_host", "over", "seen_from", "upright",
 ]

@@ -7,8 +7,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 
 FOV = checks.real(low=1e-3, high=179.99)   # degrees: with any size, focal lengths are FOCAL to checks.LARGEST
 FOCAL = 1e-5       # pixels that a focal length must have at least

@@ -5,6 +5,7 @@ A converter takes a value and `where`, the name of the field it is for; `field` 
 
 import math
 import operator
+import sys
 from typing import Any
 
 import attrs
@@ -46,7 +47,7 @@ def _one(value):
     """Return the number that an array without axes holds, None for other arrays and masked ones; else the value."""
     if not isinstance(value, np.ndarray):
         return value
-    return None if value.ndim or np.ma.is_masked(value) else value[()]
+    return None if value.ndim or _is_masked(value) else value[()]
 
 
 def _float(value):
@@ -175,10 +176,13 @@ def numbers(value, where, allowed, kinds="iuf"):
 
 def _is_masked(value):
     """Whether a masked array, or one in a list, hides some of its values, which NumPy would show again."""
-    if isinstance(value, np.ma.MaskedArray):
-        return np.ma.is_masked(value)
+    masked = sys.modules.get("numpy.ma")   # which takes long to import: without it there are no masked arrays
+    if masked is None:
+        return False
+    if isinstance(value, masked.MaskedArray):
+        return masked.is_masked(value)
     return isinstance(value, (list, tuple)) and any(
-        _is_masked(each) for each in value if isinstance(each, (list, tuple, np.ma.MaskedArray)))
+        _is_masked(each) for each in value if isinstance(each, (list, tuple, masked.MaskedArray)))
 
 
 def is_on_device(value):

@@ -7,8 +7,9 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .look import Looking
 from .origin import ZERO, copied, near_origin, origin
 from .strands import HairType, levels

@@ -7,8 +7,9 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .light import AMBIENT, Light
 
 ROWS = 64   # of a gradient's picture, and about as many of a large one's

@@ -5,9 +5,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import brief
 from . import checks
 from .bounds import boxes_to_see, strands_and_shells
+from .display import brief
 from .seen import is_unknown
 
 REACH = 3.0   # radii of a scene from its middle: shadows on a ground that are framed

@@ -3,8 +3,8 @@
 import attrs
 import numpy as np
 
-from ..errors import brief
 from . import checks
+from .display import brief
 
 EVERYWHERE = 360.0   # the angle of a point light
 WIDEST = 90.0        # degrees of a distant disc: wider light is a sky's

@@ -7,8 +7,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .remembered import remembered
 
 

@@ -5,8 +5,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .mesh import Mesh
 from .remembered import remembered
 

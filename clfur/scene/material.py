@@ -6,8 +6,8 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import brief
 from . import checks
+from .display import brief
 from .maps import TILES, tiles
 from .mesh import Mesh
 from .mips import levels_of

@@ -5,8 +5,9 @@ import functools
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .origin import ZERO, near_origin, origin
 from .winding import Surfaces, groups_of, parity_of
 
@@ -263,7 +264,7 @@ class Mesh:
         result = _unit_unless_cancelled(_sums(by_area, corner, count), areas)
         if self.normals is None:
             return result
-        used = np.unique(faces)
+        used = np.flatnonzero(np.bincount(faces.ravel()))
         with np.errstate(invalid="ignore"):
             given = self.normals[used].astype(np.float64)
         size = np.abs(given).max(axis=1, keepdims=True)

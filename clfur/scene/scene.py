@@ -8,11 +8,12 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
 from .bounds import extent, local, origin_of, points_to_frame, strands_and_shells
 from .camera import FOV, Camera, around, size_of
 from .curves import Curves
+from .display import brief, repr_png
 from .environment import Environment
 from .ground import Ground, height_on, shadow_places
 from .light import Light
@@ -128,6 +129,7 @@ class Scene:
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
     __repr__ = brief
+    _repr_png_ = repr_png
 
     @property
     def lights(self) -> tuple[Light, ...]:
@@ -268,3 +270,12 @@ def _check_levels(mesh, strands):
         one, other = order[at], order[at + 1]
         raise Error(f"{kind}.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
                     f"at face {other // 3}, edge {other % 3}, which is the same edge; allowed: equal levels")
+
+
+def on_host(scene: Scene) -> Scene:
+    """The same Scene with no array on a device."""
+    here = tuple(each.on_host if isinstance(each, (Curves, Shells)) else each
+                 for each in (scene.shells, scene.strands) if each is not None)
+    if all(each is scene.shells or each is scene.strands for each in here):
+        return scene
+    return attrs.evolve(scene, fur=here if len(here) > 1 else here[0])

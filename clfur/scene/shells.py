@@ -5,8 +5,8 @@ import math
 import attrs
 import numpy as np
 
-from ..errors import brief
 from . import checks
+from .display import brief
 from .look import Kajiya, Looking
 from .mesh import Mesh
 

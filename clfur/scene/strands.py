@@ -8,8 +8,9 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .guides import guides
 from .look import Looking
 from .maps import WHOLE, Comb, Maps, tiles

@@ -3,8 +3,9 @@
 import attrs
 import numpy as np
 
-from ..errors import Error, brief
+from ..errors import Error
 from . import checks
+from .display import brief
 from .mesh import Mesh
 
 MOST = 1 << 20   # tufts

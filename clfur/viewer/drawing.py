@@ -12,8 +12,8 @@ from typing import Any
 from .. import draw
 from ..errors import Error, Stopped
 from ..files.images import png_bytes
-from ..judge.frontier import label
 from ..scene.origin import copied
+from ..settings import label
 from .coding import jpeg
 from .document import Document
 from .pace import Pace, ways

@@ -76,20 +76,15 @@ def scene_png(scene: Scene, device: Any = None) -> bytes | None:
         return None
 
 
-def _show_scene(scene: Scene) -> bytes | None:
-    return scene_png(scene) if wanted() else None
-
-
-def _show_frame(frame: Frame) -> bytes | None:
-    return png_bytes(frame.images["color"]) if "color" in frame.images and wanted() else None
+def png_of(shown: Scene | Frame) -> bytes | None:
+    """What a Scene or a Frame shows of itself in a notebook, or None."""
+    if not wanted():
+        return None
+    if isinstance(shown, Scene):
+        return scene_png(shown)
+    return png_bytes(shown.images["color"]) if "color" in shown.images else None
 
 
 def wanted() -> bool:
     """Whether frames and scenes show themselves: unless CLFUR_NOTEBOOK is "off"."""
     return os.environ.get("CLFUR_NOTEBOOK", "").strip().lower() != "off"
-
-
-def install() -> None:
-    """Let `Frame` and `Scene` show themselves: they know no files, and scenes no device."""
-    for kind, method in ((Scene, _show_scene), (Frame, _show_frame)):
-        setattr(kind, "_repr_png_", method)   # noqa: B010   mypy knows no other way

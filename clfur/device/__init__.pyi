@@ -1,0 +1,3 @@
+from .selection import choose, describe, find, handles, pick, probe, reason, survey
+
+__all__ = ["choose", "describe", "find", "handles", "pick", "probe", "reason", "survey"]
