@@ -3,7 +3,7 @@
 # Input: a small kernel that has run already, and a large one of another program and another queue, which a thread launches
 #   for the first time: PoCL makes its machine code then.
 # Seen: the small kernel, launched meanwhile in a queue of its own, does not run before the large one is made: it takes most
-#   of that time (measured: 0.9 to 1.0 of it), where it took a millisecond before.
+#   of that time (measured: 0.9 to 1.0 of it), where it took a tenth of a millisecond before.
 # Why it matters: making kernels ready in another thread, while others draw, holds these up all the same. A process of its
 #   own does not: PoCL reads from its folder what another process has made.
 set -euo pipefail
